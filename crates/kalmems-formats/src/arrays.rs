@@ -1,13 +1,13 @@
 //! Arrays in memory as a table, in the place of a file.
 
 use crate::element::{Element, ElementKind};
-use crate::records::{CellKind, RecordField, RecordLane, RecordTable, StoredCell, TextEncoding};
+use crate::records::{CellKind, RecordLane, RecordTable, StoredCell, TextEncoding};
+use crate::table_parts::TableParts;
 use crate::time::{TimeCode, TimeForm};
-use crate::{Column, Digest, FormatError, Table, TimeKind, TimeUnit, limits};
+use crate::{Column, Digest, FormatError, Result, Table, TimeKind, TimeUnit, limits};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
 use std::fmt;
-use std::fmt::Write as _;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
@@ -116,18 +116,16 @@ impl Arrays {
     ///
     /// # Errors
     /// Where they differ in length, where two have one name, and where there are no numbers of such a length.
-    pub fn new(arrays: Vec<Array>) -> Result<Self, FormatError> {
+    pub fn new(arrays: Vec<Array>) -> Result<Self> {
         let refuse = |what: String, remedy: &str| Err(FormatError::unsupported(FORMAT, what, remedy));
-        limits::at_most(FORMAT, "the number of columns", arrays.len() as u64, limits::COLUMNS as u64)?;
+        limits::at_most(FORMAT, "the number of columns", arrays.len(), limits::COLUMNS)?;
         let rows = arrays.first().map_or(0, Array::rows);
         let mut names = BTreeSet::new();
         for array in &arrays {
             let Array { name, of, bytes, missing } = array;
             if of.cell().is_none() || bytes.len() % of.bytes() != 0 {
-                return refuse(
-                    format!("`{name}` with elements of {} bytes", of.bytes()),
-                    "give numbers of 1, 2, 4 or 8 bytes, or texts",
-                );
+                let what = format!("`{name}` with elements of {} bytes", of.bytes());
+                return refuse(what, "give numbers of 1, 2, 4 or 8 bytes, or texts");
             }
             if array.rows() != rows || (!missing.is_empty() && missing.len() != rows) {
                 let first = arrays.first().map_or("", |first| first.name.as_str());
@@ -161,29 +159,23 @@ impl Arrays {
                 hash.update(missing.iter().map(|gone| u8::from(*gone)).collect::<Vec<u8>>());
                 length += bytes.len() as u64;
             }
-            let mut sha256 = String::new();
-            for byte in hash.finalize() {
-                // Writing to a string cannot fail.
-                let _ = write!(sha256, "{byte:02x}");
-            }
-            Digest { sha256, bytes: length }
+            Digest::new(hash, length)
         })
     }
 
     /// As a table that is being read.
     pub(crate) fn table(&self) -> Box<dyn Table> {
-        let (mut fields, mut lanes) = (Vec::new(), Vec::<Box<dyn RecordLane>>::new());
+        let mut parts = TableParts::new(FORMAT);
         for (number, array) in self.0.arrays.iter().enumerate() {
             if let Some(cell) = array.of.cell() {
+                let lane = ArrayLane { held: Arc::clone(&self.0), number, rows: 0..0 };
                 let cells = CellKind::Stored { lane: number, offset: 0, cell };
-                fields.push(RecordField::new(Column::new(&array.name), cells, self.0.rows as u64));
-                lanes.push(Box::new(ArrayLane { held: Arc::clone(&self.0), number, rows: 0..0 }));
+                parts.add(Column::new(&array.name), cells, self.0.rows as u64, Box::new(lane));
             }
         }
-        let recognised = format!("{} samples of {} columns in memory", self.0.rows, fields.len());
+        parts.recognised = format!("{} samples of {} columns in memory", self.0.rows, parts.fields.len());
         let bytes = self.0.arrays.iter().map(|array| array.bytes.len() as u64).sum();
-        let table = RecordTable::new(FORMAT, recognised, Vec::new(), fields, lanes, bytes);
-        Box::new(table.of_arrays(self.clone()))
+        Box::new(RecordTable::new(parts, bytes).of_arrays(self.clone()))
     }
 }
 
@@ -218,7 +210,7 @@ impl RecordLane for ArrayLane {
         self.held.arrays.get(self.number).map_or(0, |array| array.of.bytes())
     }
 
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<()> {
         out.clear();
         let record = self.record();
         if let Some(array) = self.held.arrays.get(self.number) {

@@ -65,6 +65,13 @@ impl Block {
 /// The labels of the rows of a block, as runs: `(row of this block where it begins, label)`.
 pub type Labels = Vec<(usize, Vec<u8>)>;
 
+/// Adds a row's label to the runs.
+pub(crate) fn push_label(labels: &mut Labels, row: usize, text: &[u8]) {
+    if labels.last().is_none_or(|(_, last)| last != text) {
+        labels.push((row, text.to_vec()));
+    }
+}
+
 /// What is wrong at one place of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CellFault {
@@ -76,6 +83,13 @@ pub struct CellFault {
     pub column: Option<usize>,
     /// What it is.
     pub fault: CellFinding,
+}
+
+impl CellFault {
+    /// Of a row, or before one, in a line.
+    pub(crate) fn of_line(row: usize, line: u64, fault: CellFinding) -> Self {
+        Self { row, line, column: None, fault }
+    }
 }
 
 /// What can be wrong.

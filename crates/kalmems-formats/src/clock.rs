@@ -2,11 +2,11 @@
 
 use crate::lanes::PaddedLane;
 use crate::records::{CellKind, RecordField, RecordLane, StoredCell};
-use crate::{Column, Instant};
+use crate::{Column, Instant, refuse_if};
 use std::fmt::{self, Write as _};
 
 /// How far a start may be from a whole number of samples, in samples.
-const WHOLE: f64 = 0.01;
+pub(crate) const WHOLE: f64 = 0.01;
 /// Rows of a text that are held until another waveform begins.
 const MOST_ROWS_LATER: u64 = 1 << 16;
 /// Begins of a clock that are named.
@@ -121,11 +121,9 @@ impl ClockedChannels<'_> {
             return String::new();
         };
         if let Some(other) = channels.iter().find(|field| !is_stated(field)) {
-            return format!(
-                "; no time is made, because `{}` states its interval and `{}` does not ({stated_by})",
-                name(*stated),
-                name(*other)
-            );
+            let (states, lacks) = (name(*stated), name(*other));
+            let why = format!("`{states}` states its interval and `{lacks}` does not");
+            return format!("; no time is made, because {why} ({stated_by})");
         }
         let begin = clocks.iter().flatten().filter_map(|run| run.clock.start).min();
         let runs: Vec<Vec<RegularTimes>> = clocks.iter().map(|runs| regular(runs, begin)).collect();
@@ -133,12 +131,9 @@ impl ClockedChannels<'_> {
             let wrong = runs[*field].iter().find(|run| !run.step.is_sound() || !run.start_s.is_finite())?;
             Some((*field, wrong))
         }) {
-            return format!(
-                "; no time is made, because `{}` states samples every {} s from {} s on ({stated_by})",
-                name(field),
-                run.step.interval_s(),
-                run.start_s
-            );
+            let (field, interval_s, start_s) = (name(field), run.step.interval_s(), run.start_s);
+            let why = format!("`{field}` states samples every {interval_s} s from {start_s} s on");
+            return format!("; no time is made, because {why} ({stated_by})");
         }
         // Of each class a channel, and the channels that agree with it, with the samples by which each begins later.
         let mut classes: Vec<(usize, Vec<(usize, i64)>)> = Vec::new();
@@ -214,9 +209,9 @@ fn samples_later((of, name): (&[RegularTimes], &str), other: &[RegularTimes]) ->
             short(interval_s)
         ));
     }
-    if of.len() > 1 || other.len() > 1 {
-        return Err(format!("its clock begins anew at other rows or times than that of `{name}`"));
-    }
+    refuse_if(of.len() > 1 || other.len() > 1, || {
+        format!("its clock begins anew at other rows or times than that of `{name}`")
+    })?;
     let later_s = second.start_s - first.start_s;
     let (later, whole) = (later_s / interval_s, (later_s / interval_s).round());
     if (later - whole).abs() > WHOLE || whole.abs() > 1e15 {
@@ -241,13 +236,28 @@ pub(crate) fn rows_later(names: &[String], waveforms: &[RegularTimes]) -> Result
     let earliest = later.iter().copied().min().unwrap_or(0);
     let start_s = waveforms.iter().map(|waveform| waveform.start_s).fold(f64::INFINITY, f64::min);
     let rows: Vec<u64> = later.into_iter().map(|samples| samples.abs_diff(earliest)).collect();
-    match rows.iter().position(|rows| *rows > MOST_ROWS_LATER) {
-        Some(place) => Err(format!(
-            "`{}` begins {} samples later; at most {MOST_ROWS_LATER} are held",
-            names[place], rows[place]
-        )),
-        None => Ok((start_s, rows)),
+    if let Some(place) = rows.iter().position(|rows| *rows > MOST_ROWS_LATER) {
+        let (name, rows) = (&names[place], rows[place]);
+        return Err(format!("`{name}` begins {rows} samples later; at most {MOST_ROWS_LATER} are held"));
     }
+    Ok((start_s, rows))
+}
+
+/// By how many rows a waveform begins after another that has a name, by the first times of both; in words why they do not stand beside each other.
+pub(crate) fn rows_between((first, name): (&[f64], &str), own: &[f64]) -> Result<i64, String> {
+    let (Some((start, rest)), Some(own_start)) = (first.split_first(), own.first()) else { return Ok(0) };
+    let interval_s = rest.last().map_or(f64::NAN, |last| (last - start) / rest.len() as f64);
+    let aligned =
+        |(first, own): (&f64, &f64)| (own - first - (own_start - start)).abs() <= WHOLE * interval_s;
+    refuse_if(first.len() != own.len() || !first.iter().zip(own).all(aligned), || {
+        format!("its samples do not come as those of `{name}`")
+    })?;
+    let from = |start_s: f64| [RegularTimes { row: 0, start_s, step: SampleStep::Interval(interval_s) }];
+    let rows = samples_later((&from(*start), name), &from(*own_start))?;
+    refuse_if(rows.unsigned_abs() > MOST_ROWS_LATER, || {
+        format!("it begins {rows} samples after `{name}`; at most {MOST_ROWS_LATER} are held")
+    })?;
+    Ok(rows)
 }
 
 /// A number of ten digits in a message.

@@ -57,6 +57,28 @@ pub(crate) struct Element {
     pub(crate) big_endian: bool,
 }
 
+/// Where cells stand: from an offset on in each of some records of one length.
+#[derive(Clone, Copy)]
+pub(crate) struct CellPlaces<'a> {
+    pub(crate) raw: &'a [u8],
+    pub(crate) offset: usize,
+    pub(crate) stride: usize,
+    pub(crate) rows: usize,
+}
+
+impl<'a> CellPlaces<'a> {
+    /// A single cell.
+    pub(crate) fn one(raw: &'a [u8]) -> Self {
+        Self { raw, offset: 0, stride: raw.len(), rows: 1 }
+    }
+
+    /// The cells, of so many bytes each.
+    pub(crate) fn of(self, bytes: usize) -> impl Iterator<Item = &'a [u8]> {
+        let cell = move |record: &'a [u8]| record.get(self.offset..self.offset + bytes);
+        self.raw.chunks(self.stride.max(1)).filter_map(cell).take(self.rows)
+    }
+}
+
 impl Element {
     pub(crate) fn little(kind: ElementKind, bytes: usize) -> Self {
         Self { kind, bytes, big_endian: false }
@@ -77,21 +99,12 @@ impl Element {
         self.bytes == 8 && self.kind != ElementKind::Float
     }
 
-    /// Appends the numbers that stand in `raw` from `offset` on, `stride` bytes apart, times 10^power, rounded once.
-    pub(crate) fn numbers(
-        self,
-        raw: &[u8],
-        offset: usize,
-        stride: usize,
-        rows: usize,
-        power: i32,
-        out: &mut Vec<f64>,
-    ) {
+    /// Appends the numbers of some cells, times 10^power, rounded once.
+    pub(crate) fn numbers(self, cells: CellPlaces<'_>, power: i32, out: &mut Vec<f64>) {
+        let CellPlaces { raw, offset, stride, rows } = cells;
         if self.bytes > 8 || power != 0 && self.is_long() {
             let mut shift = Shift::new(power);
-            out.extend(
-                records(raw, offset, stride, self.bytes).take(rows).map(|b| shift.integer(self.integer(b))),
-            );
+            out.extend(cells.of(self.bytes).map(|cell| shift.integer(self.integer(cell))));
             return;
         }
         let start = out.len();
@@ -131,7 +144,7 @@ impl Element {
             (ElementKind::PcmByte, 1) => widen!(u8, |x| (f64::from(x) - 128.0) / 128.0),
             (ElementKind::Pcm, 2) => widen!(i16, |x| f64::from(x) / 32_768.0),
             (ElementKind::Pcm, 4) => widen!(i32, |x| f64::from(x) / 2_147_483_648.0),
-            (ElementKind::Pcm, 3) => out.extend(records(raw, offset, stride, 3).take(rows).map(|b| {
+            (ElementKind::Pcm, 3) => out.extend(cells.of(3).map(|b| {
                 // As the upper three bytes of four.
                 f64::from(i32::from_le_bytes([0, b[0], b[1], b[2]])) / 2_147_483_648.0
             })),
@@ -146,31 +159,22 @@ impl Element {
         }
     }
 
-    /// Appends the times that stand in `raw` from `offset` on, `stride` bytes apart.
-    pub(crate) fn times(
-        self,
-        raw: &[u8],
-        offset: usize,
-        stride: usize,
-        rows: usize,
-        times: &mut TimeReader,
-        out: &mut Vec<f64>,
-    ) {
-        let cells = records(raw, offset, stride, self.bytes).take(rows);
-        match (self.kind, self.bytes) {
-            (ElementKind::Unsigned | ElementKind::Signed, _) => {
-                out.extend(cells.map(|b| times.integer(self.integer(b))));
+    /// Appends the times that stand in some cells.
+    pub(crate) fn times(self, cells: CellPlaces<'_>, times: &mut TimeReader, out: &mut Vec<f64>) {
+        match self.kind {
+            ElementKind::Unsigned | ElementKind::Signed => {
+                out.extend(cells.of(self.bytes).map(|b| times.integer(self.integer(b))));
             }
-            (ElementKind::Float, 4) if self.big_endian => {
-                out.extend(cells.map(|b| times.single(f32::from_be_bytes(array(b)))));
-            }
-            (ElementKind::Float, 4) => out.extend(cells.map(|b| times.single(f32::from_le_bytes(array(b))))),
             _ => {
                 let start = out.len();
-                self.numbers(raw, offset, stride, rows, 0, out);
-                for number in &mut out[start..] {
-                    *number = times.float(*number);
-                }
+                self.numbers(cells, 0, out);
+                // Exactly what was widened.
+                #[allow(clippy::cast_possible_truncation)]
+                let mut time = |number: f64| match self.bytes {
+                    4 => times.single(number as f32),
+                    _ => times.float(number),
+                };
+                out[start..].iter_mut().for_each(|number| *number = time(*number));
             }
         }
     }
@@ -191,7 +195,7 @@ impl Element {
             ElementKind::Unsigned | ElementKind::Signed => ExactNumber::Integer(self.integer(raw)),
             _ => {
                 let mut number = Vec::with_capacity(1);
-                self.numbers(raw, 0, self.bytes, 1, 0, &mut number);
+                self.numbers(CellPlaces::one(raw), 0, &mut number);
                 ExactNumber::Float(number.first().copied().unwrap_or(f64::NAN))
             }
         }
@@ -227,17 +231,6 @@ pub(crate) fn shortest(number: f64) -> String {
     }
 }
 
-/// The cells that stand from an offset on in records of a length.
-pub(crate) fn records(raw: &[u8], offset: usize, stride: usize, bytes: usize) -> impl Iterator<Item = &[u8]> {
-    raw.chunks(stride.max(1)).filter_map(move |record| record.get(offset..offset + bytes))
-}
-
-fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
-    let mut array = [0; N];
-    array.copy_from_slice(&bytes[..N]);
-    array
-}
-
 /// A number of 16 bits (IEEE 754, binary16), which f64 holds exactly.
 pub(crate) fn half(bits: u16) -> f64 {
     let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };
@@ -259,7 +252,7 @@ mod tests {
         let element = Element { kind, bytes: raw.len(), big_endian };
         assert!(element.exists());
         let mut numbers = Vec::new();
-        element.numbers(raw, 0, raw.len(), 1, power, &mut numbers);
+        element.numbers(CellPlaces::one(raw), power, &mut numbers);
         assert_eq!(numbers.len(), 1);
         numbers[0]
     }

@@ -52,6 +52,9 @@ pub enum FormatError {
     },
 }
 
+/// What may go wrong with a file.
+pub(crate) type Result<T, E = FormatError> = std::result::Result<T, E>;
+
 impl FormatError {
     /// Nothing that is known.
     pub(crate) fn not_recognised(found: impl Into<String>, expected: impl Into<String>) -> Self {
@@ -86,4 +89,9 @@ impl FormatError {
     ) -> Self {
         Self::Unsupported { format, what: what.into(), remedy: remedy.into() }
     }
+}
+
+/// Refuses what is wrong with an error that says so.
+pub(crate) fn refuse_if<E>(is_wrong: bool, error: impl FnOnce() -> E) -> Result<(), E> {
+    if is_wrong { Err(error()) } else { Ok(()) }
 }

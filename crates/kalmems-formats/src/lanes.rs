@@ -1,31 +1,8 @@
-//! Records in stretches of a file, as they are or packed.
+//! Lanes of records that are not read from a file as they stand there.
 
-use crate::FormatError;
+use crate::Result;
 use crate::records::RecordLane;
-use crate::source::SharedFile;
 use std::ops::Range;
-use std::sync::Arc;
-
-/// Records one after the other, unpacked.
-pub(crate) struct UnpackedRecords {
-    pub(crate) source: Arc<SharedFile>,
-    pub(crate) format: &'static str,
-    pub(crate) offset: u64,
-    pub(crate) record: usize,
-}
-
-impl RecordLane for UnpackedRecords {
-    fn record(&self) -> usize {
-        self.record
-    }
-
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
-        out.resize(rows * self.record, 0);
-        self.source.read_exact(self.format, self.offset, out)?;
-        self.offset += out.len() as u64;
-        Ok(())
-    }
-}
 
 /// Texts that are in memory.
 pub(crate) struct TextLane {
@@ -38,12 +15,12 @@ impl RecordLane for TextLane {
         0
     }
 
-    fn read(&mut self, _rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    fn read(&mut self, _rows: usize, out: &mut Vec<u8>) -> Result<()> {
         out.clear();
         Ok(())
     }
 
-    fn texts(&mut self, rows: usize, out: &mut Vec<Vec<u8>>) -> Result<(), FormatError> {
+    fn texts(&mut self, rows: usize, out: &mut Vec<Vec<u8>>) -> Result<()> {
         out.clear();
         out.extend(self.texts.iter().skip(self.next).take(rows).cloned());
         self.next += rows;
@@ -80,7 +57,7 @@ impl RecordLane for PaddedLane {
         &self.missing
     }
 
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<()> {
         let end = self.row + rows as u64;
         let from = self.present.start.clamp(self.row, end);
         let to = self.present.end.clamp(from, end);

@@ -1,6 +1,6 @@
 //! Whether a file is long, without reading it.
 
-use crate::{FormatError, Hints, open};
+use crate::{Hints, Result, open};
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -12,7 +12,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// Where the file cannot be opened as a table.
-pub fn has_more_rows(path: &Path, hints: &Hints, most: u64) -> Result<bool, FormatError> {
+pub fn has_more_rows(path: &Path, hints: &Hints, most: u64) -> Result<bool> {
     if let Some(rows) = open(path, hints)?.description().rows {
         return Ok(rows > most);
     }

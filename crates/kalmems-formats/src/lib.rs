@@ -59,6 +59,7 @@ pub use block::{Block, CellFault, CellFinding, Labels};
 pub use csv::{CellReader, CsvHints, may_be_grouped, open_csv, read_csv};
 pub use decimal::Shift;
 pub use error::FormatError;
+pub(crate) use error::{Result, refuse_if};
 pub use length::has_more_rows;
 pub use open::{Format, Hints, open, open_reader};
 pub use panics::panic_is_caught;

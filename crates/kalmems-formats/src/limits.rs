@@ -1,6 +1,6 @@
 //! How much of a file is believed before it is read.
 
-use crate::FormatError;
+use crate::{FormatError, Result};
 use std::fmt::Display;
 
 /// Bytes of a header, of the metadata of one object, or of the values of labels that are kept in memory.
@@ -19,26 +19,34 @@ const ROWS_PER_BYTE: u64 = 4096;
 const UNPACKED_PER_BYTE: u64 = 1032;
 
 /// Refuses what is larger than a limit.
-pub(crate) fn at_most(format: &'static str, what: &str, found: u64, limit: u64) -> Result<(), FormatError> {
+pub(crate) fn at_most(
+    format: &'static str,
+    what: &str,
+    found: impl TryInto<u64>,
+    limit: impl TryInto<u64>,
+) -> Result<()> {
+    let [found, limit] = [found.try_into().unwrap_or(u64::MAX), limit.try_into().unwrap_or(u64::MAX)];
     if found <= limit {
         return Ok(());
     }
     Err(FormatError::TooLarge { format, what: what.to_owned(), found, limit })
 }
 
+/// Adds one of many things, of which a file has at most as many as columns.
+pub(crate) fn push<T>(format: &'static str, what: &str, all: &mut Vec<T>, one: T) -> Result<()> {
+    at_most(format, what, all.len() + 1, COLUMNS)?;
+    all.push(one);
+    Ok(())
+}
+
 /// Refuses more rows than a file of its length can hold.
-pub(crate) fn plausible_rows(format: &'static str, rows: u64, file_bytes: u64) -> Result<(), FormatError> {
+pub(crate) fn plausible_rows(format: &'static str, rows: u64, file_bytes: u64) -> Result<()> {
     let limit = file_bytes.saturating_mul(ROWS_PER_BYTE);
     at_most(format, "the number of rows that it claims", rows, limit)
 }
 
 /// Refuses a length that the packed bytes cannot unpack to.
-pub(crate) fn plausible_unpacked(
-    format: &'static str,
-    what: &str,
-    unpacked: u64,
-    packed: u64,
-) -> Result<(), FormatError> {
+pub(crate) fn plausible_unpacked(format: &'static str, what: &str, unpacked: u64, packed: u64) -> Result<()> {
     let limit = packed.saturating_add(64).saturating_mul(UNPACKED_PER_BYTE);
     at_most(format, &format!("what {what} claims to unpack to"), unpacked, limit)
 }

@@ -1,7 +1,7 @@
 //! A file of whichever format, recognised by what it begins with.
 
 use crate::source::{ReadSeek, SharedFile};
-use crate::{Arrays, CsvHints, FormatError, Table, csv, limits};
+use crate::{Arrays, CsvHints, FormatError, Result, Table, csv, limits};
 use std::path::Path;
 
 /// A format that is read.
@@ -84,7 +84,7 @@ pub struct Hints {
 /// Opens a table.
 ///
 /// A file that is no regular one, such as a pipe, cannot be looked at twice and is read as text.
-pub fn open(path: &Path, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub fn open(path: &Path, hints: &Hints) -> Result<Box<dyn Table>> {
     if let Some(arrays) = &hints.arrays {
         return Ok(arrays.table());
     }
@@ -100,11 +100,7 @@ pub fn open(path: &Path, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
 }
 
 /// Opens a table that is not a file on its own, such as bytes in memory. The ending of `name` counts as a file's does.
-pub fn open_reader(
-    file: impl ReadSeek + 'static,
-    name: &str,
-    hints: &Hints,
-) -> Result<Box<dyn Table>, FormatError> {
+pub fn open_reader(file: impl ReadSeek + 'static, name: &str, hints: &Hints) -> Result<Box<dyn Table>> {
     let source = SharedFile::new(Box::new(file))?;
     match recognise(&source, name, hints)? {
         Format::Csv => csv::from_reader(source.into_file()?, hints),
@@ -112,25 +108,23 @@ pub fn open_reader(
     }
 }
 
-fn open_binary(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+fn open_binary(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>> {
     let table = open_as(format, source, hints)?;
     // Names that a reader had no use for.
     let known = |name: &&String| table.description().columns.iter().any(|column| column.name == **name);
     if let Some(name) = hints.columns.iter().flatten().find(|name| !known(name)) {
         let names: Vec<String> =
             table.description().columns.iter().map(|column| format!("`{}`", column.name)).collect();
-        return Err(FormatError::unsupported(
-            table.description().format,
-            format!("a name `{name}` for a file with names of its own ({})", limits::list(&names)),
-            "name a column as the file does where it is used, with its unit, such as \
-                     `{ column = \"Ucap\", unit = \"V\" }`, and write in `columns` nothing that the file does not have",
-        ));
+        let what = format!("a name `{name}` for a file with names of its own ({})", limits::list(&names));
+        let remedy = "name a column as the file does where it is used, with its unit, such as \
+                      `{ column = \"Ucap\", unit = \"V\" }`, and write in `columns` nothing that the file does not have";
+        return Err(FormatError::unsupported(table.description().format, what, remedy));
     }
     Ok(table)
 }
 
 #[allow(clippy::needless_pass_by_value)] // where no reader is built
-fn open_as(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+fn open_as(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>> {
     match format {
         #[cfg(feature = "npy")]
         Format::Npy => crate::npy::open_npy(source, hints),
@@ -150,11 +144,10 @@ fn open_as(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<dyn 
         #[cfg(feature = "wav")]
         Format::Wav => crate::wav::open(source, hints),
         #[allow(unreachable_patterns)] // where all are built
-        _ => Err(FormatError::unsupported(
-            format.name(),
-            "a format that this program was built without",
-            "build it with all features",
-        )),
+        _ => {
+            let what = "a format that this program was built without";
+            Err(FormatError::unsupported(format.name(), what, "build it with all features"))
+        }
     }
 }
 
@@ -162,7 +155,7 @@ fn open_as(format: Format, source: SharedFile, hints: &Hints) -> Result<Box<dyn 
 const BEGINNING: usize = 4096;
 
 /// Which format a file is: what the experiment file says, or what it begins with where its name does not contradict.
-fn recognise(source: &SharedFile, name: &str, hints: &Hints) -> Result<Format, FormatError> {
+fn recognise(source: &SharedFile, name: &str, hints: &Hints) -> Result<Format> {
     if let Some(format) = hints.format {
         return Ok(format);
     }
@@ -175,21 +168,18 @@ fn recognise(source: &SharedFile, name: &str, hints: &Hints) -> Result<Format, F
         (RecognizedContent::Known(format, _), Some(promised)) if format == promised => Ok(format),
         // Version 7.3 keeps the ending and is HDF5 inside.
         (RecognizedContent::Known(Format::Hdf5, _), Some(Format::Mat)) => Ok(Format::Hdf5),
-        (RecognizedContent::Known(format, begins), Some(promised)) => Err(FormatError::not_recognised(
-            format!("named as {} and begins as {begins}", promised.name()),
-            format!(
-                "the two to agree: rename the file, or write `format = {{ kind = \"{}\" }}` if it is that",
-                format.name()
-            ),
-        )),
+        (RecognizedContent::Known(format, begins), Some(promised)) => {
+            let kind = format!("write `format = {{ kind = \"{}\" }}` if it is that", format.name());
+            let found = format!("named as {} and begins as {begins}", promised.name());
+            Err(FormatError::not_recognised(found, format!("the two to agree: rename the file, or {kind}")))
+        }
         (RecognizedContent::Text, None | Some(Format::Csv)) => Ok(Format::Csv),
-        (RecognizedContent::Text, Some(promised)) => Err(FormatError::not_recognised(
-            format!("named as {} and begins as text", promised.name()),
-            format!(
-                "what {} begins with; if it is text with a row a line, write `format = {{ kind = \"csv\" }}`",
-                promised.name()
-            ),
-        )),
+        (RecognizedContent::Text, Some(promised)) => {
+            let name = promised.name();
+            let remedy = "if it is text with a row a line, write `format = { kind = \"csv\" }`";
+            let expected = format!("what {name} begins with; {remedy}");
+            Err(FormatError::not_recognised(format!("named as {name} and begins as text"), expected))
+        }
         (RecognizedContent::Other(what), _) => Err(FormatError::not_recognised(what, READABLE)),
         (RecognizedContent::Unknown, _) => {
             let what = format!("begins with {}", excerpt(&beginning));
@@ -291,7 +281,7 @@ fn by_ending(name: &str) -> Option<&'static str> {
     ENDINGS.iter().find(|(known, _)| *known == ending).map(|(_, what)| *what)
 }
 
-fn of_content(source: &SharedFile, beginning: &[u8]) -> Result<RecognizedContent, FormatError> {
+fn of_content(source: &SharedFile, beginning: &[u8]) -> Result<RecognizedContent> {
     let at = |place: usize, magic: &[u8]| beginning.get(place..).is_some_and(|rest| rest.starts_with(magic));
     let text = is_text(beginning);
     let pointer = POINTERS.iter().find(|(magic, _)| at(0, magic)).map(|(_, what)| *what);
@@ -321,7 +311,7 @@ fn of_content(source: &SharedFile, beginning: &[u8]) -> Result<RecognizedContent
 }
 
 /// Where an HDF5 file begins: anything of 512, 1024, 2048, … bytes may stand before it.
-pub(crate) fn hdf5_begin(source: &SharedFile) -> Result<Option<u64>, FormatError> {
+pub(crate) fn hdf5_begin(source: &SharedFile) -> Result<Option<u64>> {
     let mut place = 0;
     while place < source.length() {
         let mut magic = [0; 8];

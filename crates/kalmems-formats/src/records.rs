@@ -1,19 +1,24 @@
 //! Tables whose cells stand at known places of records of one size.
 
+use crate::block::push_label;
 use crate::clock::{self, RegularTimes};
 use crate::decimal::Shift;
-use crate::element::Element;
+use crate::element::{CellPlaces, Element, shortest};
 use crate::limits::{self, BLOCK_BYTES};
 use crate::scaling::Scaling;
 use crate::sentinels;
 use crate::table::{bytes_until, refuse_apart};
+use crate::table_parts::TableParts;
 use crate::time::TimeCode;
 use crate::{
-    Arrays, Block, CellFault, CellFinding, Column, Digest, FormatError, Instant, Labels, OmittedPart, Table,
+    Arrays, Block, CellFault, CellFinding, Column, Digest, FormatError, Instant, Labels, Result, Table,
     TableDescription, TableEvidence, TimeKind, TimeReader, TimeUnit, WantedColumn,
 };
 use std::collections::BTreeMap;
 use std::ops::Range;
+
+/// Rows that have no value, and what the file has instead.
+pub(crate) type AbsentRows = Vec<(usize, CellFinding)>;
 
 /// Records that are read one after the other.
 pub(crate) trait RecordLane: Send {
@@ -26,7 +31,7 @@ pub(crate) trait RecordLane: Send {
     }
 
     /// Reads the next records; `out` holds them and nothing else afterwards.
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError>;
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<()>;
 
     /// Which of the records that were read last have no value, whatever stands in their place; nothing where all have one.
     fn missing(&self) -> &[bool] {
@@ -34,7 +39,7 @@ pub(crate) trait RecordLane: Send {
     }
 
     /// Reads the next texts, where the records are texts of several lengths.
-    fn texts(&mut self, _rows: usize, out: &mut Vec<Vec<u8>>) -> Result<(), FormatError> {
+    fn texts(&mut self, _rows: usize, out: &mut Vec<Vec<u8>>) -> Result<()> {
         out.clear();
         Ok(())
     }
@@ -162,7 +167,7 @@ pub(crate) struct RecordTable {
     raw: Vec<Vec<u8>>,
     texts: Vec<Vec<Vec<u8>>>,
     /// Rows of a column that have no value, and what the file has instead.
-    absent: Vec<(usize, CellFinding)>,
+    absent: AbsentRows,
     /// Rows at which a clock of the file begins anew, and how many are missing before each.
     breaks: Vec<(u64, u64)>,
     /// The arrays that it is made of, if it is no file.
@@ -171,14 +176,8 @@ pub(crate) struct RecordTable {
 
 impl RecordTable {
     /// Puts a table together. Columns may be of different lengths as long as those that are wanted are not.
-    pub(crate) fn new(
-        format: &'static str,
-        mut recognised: String,
-        left_out: Vec<OmittedPart>,
-        fields: Vec<RecordField>,
-        lanes: Vec<Box<dyn RecordLane>>,
-        file_bytes: u64,
-    ) -> Self {
+    pub(crate) fn new(parts: TableParts, file_bytes: u64) -> Self {
+        let TableParts { format, mut recognised, left_out, fields, lanes, .. } = parts;
         let lengths = lengths(&fields);
         let protection = protection(&fields, &lanes);
         let rows = if let [only] = &lengths[..] { Some(only.0) } else { None };
@@ -193,11 +192,9 @@ impl RecordTable {
         if lengths.len() > 1 {
             let groups = lengths.iter().map(|(rows, names)| format!("{rows} rows: {}", limits::list(names)));
             let groups: Vec<String> = groups.take(8).collect();
-            recognised.push_str(&format!(
-                "; columns of {} lengths, of which those of one length belong together ({})",
-                lengths.len(),
-                groups.join("; ")
-            ));
+            let (count, groups) = (lengths.len(), groups.join("; "));
+            let what = "of which those of one length belong together";
+            recognised.push_str(&format!("; columns of {count} lengths, {what} ({groups})"));
         }
         let evidence = TableEvidence::Format;
         let description =
@@ -251,7 +248,7 @@ impl RecordTable {
     }
 
     /// The rows that all wanted columns have.
-    fn common_rows(&self, wanted: &[WantedColumn]) -> Result<u64, FormatError> {
+    fn common_rows(&self, wanted: &[WantedColumn]) -> Result<u64> {
         let mut common: Option<(u64, &str)> = None;
         for want in wanted {
             let Some(field) = self.fields.get(want.column()) else {
@@ -265,10 +262,8 @@ impl RecordTable {
                 None => common = Some((field.rows, &field.column.name)),
                 Some((rows, _)) if rows == field.rows => {}
                 Some((rows, name)) => {
-                    let what = format!(
-                        "`{name}` of {rows} rows together with `{}` of {}",
-                        field.column.name, field.rows
-                    );
+                    let (other, count) = (&field.column.name, field.rows);
+                    let what = format!("`{name}` of {rows} rows together with `{other}` of {count}");
                     return Err(self.unsupported(what, "name columns that were recorded together"));
                 }
             }
@@ -283,7 +278,7 @@ impl Table for RecordTable {
         &self.description
     }
 
-    fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
+    fn want(&mut self, wanted: &[WantedColumn]) -> Result<()> {
         let columns = wanted.iter().filter_map(|want| self.fields.get(want.column()));
         refuse_apart(self.description.format, columns.map(|field| &field.column))?;
         self.rows = self.common_rows(wanted)?;
@@ -310,7 +305,7 @@ impl Table for RecordTable {
         Ok(())
     }
 
-    fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
+    fn read(&mut self, block: &mut Block) -> Result<()> {
         let room = (BLOCK_BYTES / self.row_bytes.max(8)).max(1).min(block.capacity);
         let rows = usize::try_from(self.rows - self.row).unwrap_or(usize::MAX).min(room);
         let labels = self.wanted.iter().filter(|want| want.is_label()).count();
@@ -353,7 +348,7 @@ impl Table for RecordTable {
             let (out, mut absent) = (&mut block.numbers[number], std::mem::take(&mut self.absent));
             absent.clear();
             if let WantedColumn::Number { power, .. } = want {
-                self.numbers(column, power, rows, out, &mut absent);
+                self.numbers(column, (power, rows), out, &mut absent);
             } else {
                 let mut times = std::mem::replace(&mut self.times, TimeReader::new(TimeUnit::SECOND, None));
                 self.times_of(column, rows, &mut times, out, &mut absent);
@@ -393,34 +388,35 @@ impl Table for RecordTable {
 }
 
 impl RecordTable {
+    /// The cells of some rows of the block that stand at an offset in the records of a lane.
+    fn places(&self, lane: usize, offset: usize, rows: Range<usize>) -> CellPlaces<'_> {
+        let stride = self.lanes[lane].record();
+        let raw = self.raw[lane].get(rows.start * stride..).unwrap_or_default();
+        CellPlaces { raw, offset, stride, rows: rows.len() }
+    }
+
     fn numbers(
         &self,
         column: usize,
-        power: i32,
-        rows: usize,
+        (power, rows): (i32, usize),
         out: &mut Vec<f64>,
-        absent: &mut Vec<(usize, CellFinding)>,
+        absent: &mut AbsentRows,
     ) {
         let RecordField { cells, scaling, power: stored, .. } = &self.fields[column];
         match cells {
-            &CellKind::Stored { lane, offset, cell: StoredCell::Number(element) } if scaling.is_none() => {
-                let power = power.saturating_add(*stored);
-                element.numbers(&self.raw[lane], offset, self.lanes[lane].record(), rows, power, out);
-                sentinels::take_out(element, power, out, absent);
-            }
             &CellKind::Stored { lane, offset, cell: StoredCell::Number(element) } => {
-                let (raw, record) = (&self.raw[lane], self.lanes[lane].record());
-                element.numbers(raw, offset, record, rows, 0, out);
-                let cells =
-                    raw.chunks(record.max(1)).filter_map(|cell| cell.get(offset..offset + element.bytes));
-                let mut missing = Vec::new();
-                scaling.mark(element, cells, out, &mut missing);
-                absent.extend(missing.into_iter().map(|row| (row, CellFinding::Missing)));
-                sentinels::take_out(element, 0, out, absent);
-                scaling.apply(out);
-                let mut shift = Shift::new(power);
-                for number in &mut *out {
-                    *number = shift.float(*number);
+                let places = self.places(lane, offset, 0..rows);
+                // What the file says of its numbers comes before a power of ten.
+                let before = if scaling.is_none() { power.saturating_add(*stored) } else { 0 };
+                element.numbers(places, before, out);
+                scaling.mark(element, places.of(element.bytes), out, absent);
+                sentinels::take_out(element, before, out, absent);
+                if !scaling.is_none() {
+                    scaling.apply(out);
+                    let mut shift = Shift::new(power);
+                    for number in out.iter_mut() {
+                        *number = shift.float(*number);
+                    }
                 }
             }
             CellKind::Clock(clock) => {
@@ -431,7 +427,7 @@ impl RecordTable {
             &CellKind::Stored { lane, offset, cell: StoredCell::Time(code) } => {
                 // As seconds since 1970, or of the duration.
                 let mut times = TimeReader::new(code.unit, Some(Instant::ZERO));
-                code.read(&self.raw[lane], offset, self.lanes[lane].record(), rows, &mut times, out);
+                code.read(self.places(lane, offset, 0..rows), &mut times, out);
             }
             // Refused by `want`.
             CellKind::Stored { .. } | CellKind::Texts { .. } => {}
@@ -453,13 +449,13 @@ impl RecordTable {
         rows: usize,
         times: &mut TimeReader,
         out: &mut Vec<f64>,
-        absent: &mut Vec<(usize, CellFinding)>,
+        absent: &mut AbsentRows,
     ) {
         let (field, missing) = (&self.fields[column], self.missing(column));
         let is_missing = |row: usize| missing.get(row) == Some(&true);
         match &field.cells {
             CellKind::Stored { .. } if field.power != 0 || !field.scaling.is_none() => {
-                self.numbers(column, 0, rows, out, absent);
+                self.numbers(column, (0, rows), out, absent);
                 for number in out {
                     *number = times.float(*number);
                 }
@@ -489,11 +485,10 @@ impl RecordTable {
     /// The times of some rows of the block, as they are stored.
     fn stored_times(&self, column: usize, rows: Range<usize>, times: &mut TimeReader, out: &mut Vec<f64>) {
         let CellKind::Stored { lane, offset, cell } = self.fields[column].cells else { return };
-        let record = self.lanes[lane].record();
-        let (raw, rows) = (self.raw[lane].get(rows.start * record..).unwrap_or_default(), rows.len());
+        let places = self.places(lane, offset, rows);
         match cell {
-            StoredCell::Number(element) => element.times(raw, offset, record, rows, times, out),
-            StoredCell::Time(code) => code.read(raw, offset, record, rows, times, out),
+            StoredCell::Number(element) => element.times(places, times, out),
+            StoredCell::Time(code) => code.read(places, times, out),
             StoredCell::Text { .. } => {}
         }
     }
@@ -503,38 +498,31 @@ impl RecordTable {
         let (mut text, missing, mut numbers) = (Vec::new(), self.missing(column), Vec::new());
         let is_stored = scaling.is_none() && *power == 0;
         if matches!(cells, CellKind::Clock(_)) || cells.is_numbers() && !is_stored {
-            self.numbers(column, 0, rows, &mut numbers, &mut Vec::new());
+            self.numbers(column, (0, rows), &mut numbers, &mut Vec::new());
         }
         for row in 0..rows {
-            if missing.get(row) == Some(&true) {
-                push_label(out, row, b"");
-                continue;
-            }
+            text.clear();
             let cell = |lane: usize, offset: usize, bytes: usize| {
                 let start = row * self.lanes[lane].record() + offset;
                 self.raw[lane].get(start..start + bytes).unwrap_or_default()
             };
-            if let Some(number) = numbers.get(row) {
-                push_label(out, row, crate::element::shortest(*number).as_bytes());
-                continue;
-            }
             match cells {
+                _ if missing.get(row) == Some(&true) => {}
+                _ if !numbers.is_empty() => text.extend_from_slice(shortest(numbers[row]).as_bytes()),
                 &CellKind::Stored { lane, offset, cell: StoredCell::Number(element) } => {
                     element.label(cell(lane, offset, element.bytes), &mut text);
                 }
                 &CellKind::Stored { lane, offset, cell: StoredCell::Time(code) } => {
-                    let raw = cell(lane, offset, code.bytes());
-                    text = code.label(raw).into_bytes();
+                    text = code.label(cell(lane, offset, code.bytes())).into_bytes();
                 }
                 &CellKind::Stored { lane, offset, cell: StoredCell::Text { bytes, code } } => {
                     code.read(cell(lane, offset, bytes), &mut text);
                 }
                 CellKind::Texts { lane } => {
-                    text.clear();
                     text.extend_from_slice(trimmed(self.texts[*lane].get(row).map_or(&[], Vec::as_slice)));
                 }
                 // Computed above.
-                CellKind::Clock(_) => text.clear(),
+                CellKind::Clock(_) => {}
             }
             push_label(out, row, &text);
         }
@@ -546,13 +534,6 @@ fn protection(fields: &[RecordField], lanes: &[Box<dyn RecordLane>]) -> String {
     let lane = |field: &RecordField| lanes.get(field.cells.lane()?);
     let of = |field: &RecordField| Some((field.column.name.clone(), lane(field)?.protection()));
     crate::table::protection(&fields.iter().filter_map(of).collect::<Vec<_>>())
-}
-
-/// Adds a row's label to the runs.
-fn push_label(labels: &mut Labels, row: usize, text: &[u8]) {
-    if labels.last().is_none_or(|(_, last)| last != text) {
-        labels.push((row, text.to_vec()));
-    }
 }
 
 /// Puts NaN for what is no finite number, and tells it. `line` is that of the block's first row.
@@ -581,33 +562,25 @@ impl TextEncoding {
         out.clear();
         match self {
             Self::Bytes => out.extend_from_slice(trimmed(raw)),
-            Self::Utf16 { big_endian } => {
-                let units = raw.chunks_exact(2).map(|two| {
-                    if big_endian {
-                        u16::from_be_bytes([two[0], two[1]])
-                    } else {
-                        u16::from_le_bytes([two[0], two[1]])
-                    }
-                });
-                let letters =
-                    char::decode_utf16(units).map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER));
-                out.extend_from_slice(trimmed(letters.collect::<String>().as_bytes()));
-            }
+            Self::Utf16 { big_endian } => out.extend_from_slice(trimmed(utf16(raw, big_endian).as_bytes())),
             Self::Utf32 { big_endian } => {
-                let mut text = String::new();
-                for four in raw.chunks_exact(4) {
-                    let mut bytes = [four[0], four[1], four[2], four[3]];
-                    if big_endian {
-                        bytes.reverse();
-                    }
-                    text.push(
-                        char::from_u32(u32::from_le_bytes(bytes)).unwrap_or(char::REPLACEMENT_CHARACTER),
-                    );
-                }
+                let code = |four: &[u8; 4]| {
+                    if big_endian { u32::from_be_bytes(*four) } else { u32::from_le_bytes(*four) }
+                };
+                let letter =
+                    |four: &[u8; 4]| char::from_u32(code(four)).unwrap_or(char::REPLACEMENT_CHARACTER);
+                let text: String = raw.as_chunks::<4>().0.iter().map(letter).collect();
                 out.extend_from_slice(trimmed(text.as_bytes()));
             }
         }
     }
+}
+
+/// A text in UTF-16, with a sign for what is no character.
+pub(crate) fn utf16(raw: &[u8], big_endian: bool) -> String {
+    let unit = |two: &[u8; 2]| if big_endian { u16::from_be_bytes(*two) } else { u16::from_le_bytes(*two) };
+    let letters = char::decode_utf16(raw.as_chunks::<2>().0.iter().map(unit));
+    letters.map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
 }
 
 fn trimmed(text: &[u8]) -> &[u8] {

@@ -1,6 +1,8 @@
 //! What a file says is to be done to its numbers: values that stand for none, factors and offsets, tables.
 
+use crate::CellFinding;
 use crate::element::{Element, ExactNumber};
+use crate::records::AbsentRows;
 
 /// Applied to the numbers of a column before they are handed over. The missing values are compared with the numbers as
 /// they are in the file.
@@ -34,7 +36,7 @@ impl Scaling {
         element: Element,
         cells: impl Iterator<Item = &'a [u8]>,
         numbers: &mut [f64],
-        absent: &mut Vec<usize>,
+        absent: &mut AbsentRows,
     ) {
         if self.missing.is_empty() {
             return;
@@ -43,7 +45,7 @@ impl Scaling {
             let exact = element.exact(cell);
             if self.missing.iter().any(|missing| missing.is(exact)) {
                 *number = f64::NAN;
-                absent.push(row);
+                absent.push((row, CellFinding::Missing));
             }
         }
     }
@@ -146,7 +148,7 @@ mod tests {
         scaling.mark(element, cells.iter().map(<[u8; 8]>::as_slice), &mut numbers, &mut absent);
         scaling.apply(&mut numbers);
         // The last is the same number of f64, and another of 64 bits.
-        assert_eq!(absent, [0, 2]);
+        assert_eq!(absent, [0, 2].map(|row| (row, CellFinding::Missing)));
         assert!(numbers[0].is_nan() && numbers[2].is_nan() && numbers[3] < -9e18);
     }
 }

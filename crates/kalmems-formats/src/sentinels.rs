@@ -3,6 +3,7 @@
 use crate::CellFinding;
 use crate::decimal::Shift;
 use crate::element::{Element, ElementKind, shortest};
+use crate::records::AbsentRows;
 
 /// What a number or a word of the list stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,25 +47,11 @@ const NUMBERS: [(f64, SentinelMeaning); 9] = [
 
 /// Words in capitals, without signs and dots: of multimeters and their programs, as they show them on their displays, a letter or a zero
 /// before the L.
-const OVERLOAD_WORDS: [&str; 14] = [
-    "OL",
-    "0L",
-    "OVL",
-    "OVLD",
-    "OVER",
-    "OVERLOAD",
-    "OVERLD",
-    "OVERFLOW",
-    "OVRFLW",
-    "OVERRANGE",
-    "OVRNG",
-    "+OVER",
-    "-OVER",
-    "UNDERRANGE",
-];
+const OVERLOAD_WORDS: &str =
+    "OL 0L OVL OVLD OVER OVERLOAD OVERLD OVERFLOW OVRFLW OVERRANGE OVRNG +OVER -OVER UNDERRANGE";
 
 /// The same of recorders, spreadsheets, pandas and SQL.
-const NOTHING_WORDS: [&str; 8] = ["NULL", "NONE", "N/A", "#N/A", "NA", "NODATA", "NO DATA", "INVALID"];
+const NOTHING_WORDS: &str = "NULL NONE N/A #N/A NA NODATA INVALID";
 
 /// What a word says of a value that was not measured; `None` where it is none of the list. `text` is the cell for a message.
 pub(crate) fn of_word(cell: &[u8], text: impl FnOnce() -> String) -> Option<CellFinding> {
@@ -78,11 +65,12 @@ pub(crate) fn of_word(cell: &[u8], text: impl FnOnce() -> String) -> Option<Cell
         // Dashes of a display that shows no value; stars of a field that is too narrow for it (FORTRAN).
         return Some(if stars { Overload } else { Nothing }.finding(text()));
     }
-    let word: Vec<u8> = cell.iter().filter(|byte| **byte != b'.').map(u8::to_ascii_uppercase).collect();
+    let word: Vec<u8> =
+        cell.iter().filter(|byte| !matches!(byte, b'.' | b' ')).map(u8::to_ascii_uppercase).collect();
     let unsigned = word.strip_prefix(b"-").or_else(|| word.strip_prefix(b"+")).unwrap_or(&word);
-    let is_in = |words: &[&str]| words.iter().any(|known| known.as_bytes() == unsigned);
+    let is_in = |words: &str| words.split(' ').any(|known| known.as_bytes() == unsigned);
     let meaning =
-        if is_in(&OVERLOAD_WORDS) { Some(Overload) } else { is_in(&NOTHING_WORDS).then_some(Nothing) };
+        if is_in(OVERLOAD_WORDS) { Some(Overload) } else { is_in(NOTHING_WORDS).then_some(Nothing) };
     meaning.map(|meaning| meaning.finding(text()))
 }
 
@@ -103,12 +91,7 @@ pub(crate) fn limit(power: i32) -> f64 {
 /// Takes the numbers of an element, times a power of ten, out that say that no value was measured: those of the list, rounded to 32 bits
 /// where the element is, and the ends of 16 bits, at which a converter stays. Other lengths are those of no converter, or their ends are too
 /// common.
-pub(crate) fn take_out(
-    element: Element,
-    power: i32,
-    numbers: &mut [f64],
-    absent: &mut Vec<(usize, CellFinding)>,
-) {
+pub(crate) fn take_out(element: Element, power: i32, numbers: &mut [f64], absent: &mut AbsentRows) {
     let listed = |as_kept: fn(f64) -> f64| {
         let both = |(number, meaning): (f64, SentinelMeaning)| {
             [-1.0, 1.0].map(|sign| (sign * as_kept(number), meaning))

@@ -4,33 +4,12 @@ use crate::clock::{ChannelClock, ClockRun, ClockedChannels, RegularTimes, Sample
 use crate::records::{CellKind, RecordField, RecordLane};
 
 /// Names without case and marks: the sampling rate, the interval, and the time of the first sample.
-const RATES: [&str; 8] = [
-    "fs",
-    "samplerate",
-    "samplingrate",
-    "samplefrequency",
-    "samplingfrequency",
-    "samplefreq",
-    "acquisitionrate",
-    "updaterate",
-];
-const INTERVALS: [&str; 13] = [
-    "dt",
-    "deltat",
-    "timestep",
-    "sampleinterval",
-    "samplinginterval",
-    "sampleperiod",
-    "samplingperiod",
-    "sampletime",
-    // PicoScope, Rigol, Tektronix and Keysight, LabVIEW.
-    "tinterval",
-    "tinc",
-    "xincrement",
-    "xinc",
-    "wfincrement",
-];
-const STARTS: [&str; 6] = ["t0", "tstart", "xstart", "xorigin", "timeoffset", "wfstartoffset"];
+const RATES: &str =
+    "fs samplerate samplingrate samplefrequency samplingfrequency samplefreq acquisitionrate updaterate";
+// The last ones are of PicoScope, of Rigol, of Tektronix and Keysight, and of LabVIEW.
+const INTERVALS: &str = "dt deltat timestep sampleinterval samplinginterval sampleperiod samplingperiod sampletime \
+                         tinterval tinc xincrement xinc wfincrement";
+const STARTS: &str = "t0 tstart xstart xorigin timeoffset wfstartoffset";
 
 /// Units behind a name, as powers of ten of a second or of a hertz.
 const UNITS: [(&str, i32); 9] =
@@ -44,7 +23,7 @@ impl StatedNumbers {
     /// Keeps a number if its name may state a clock; whether it does.
     pub(crate) fn learn(&mut self, name: &str, number: f64) -> bool {
         let (plain, power) = plain(name);
-        let known = [&RATES[..], &INTERVALS, &STARTS].iter().any(|names| names.contains(&plain.as_str()));
+        let known = [RATES, INTERVALS, STARTS].iter().any(|names| names.split(' ').any(|name| name == plain));
         if known && number.is_finite() && self.0.len() < 64 {
             self.0.push((plain, crate::decimal::Shift::new(power).float(number)));
         }
@@ -53,14 +32,14 @@ impl StatedNumbers {
 
     /// What they state; nothing where rate and interval contradict each other.
     pub(crate) fn clock(&self) -> ChannelClock {
-        let of =
-            |names: &[&str]| self.0.iter().find(|(name, _)| names.contains(&name.as_str())).map(|(_, n)| *n);
-        let step = match (of(&RATES), of(&INTERVALS)) {
+        let is_of = |names: &str, name: &str| names.split(' ').any(|known| known == name);
+        let of = |names: &str| self.0.iter().find(|(name, _)| is_of(names, name)).map(|(_, number)| *number);
+        let step = match (of(RATES), of(INTERVALS)) {
             (Some(rate), Some(interval)) if (rate * interval - 1.0).abs() > 1e-6 => None,
             (Some(rate), _) => Some(SampleStep::Rate(rate)),
             (None, interval) => interval.map(SampleStep::Interval),
         };
-        ChannelClock { start: None, offset_s: of(&STARTS).unwrap_or(0.0), step }
+        ChannelClock { start: None, offset_s: of(STARTS).unwrap_or(0.0), step }
     }
 
     /// The times of rows by what they state, from the first on.

@@ -1,10 +1,12 @@
 //! A stretch of a file that is read from front to back, packed or not.
 
-use crate::FormatError;
 use crate::element::Element;
 use crate::records::RecordLane;
 use crate::source::SharedFile;
+use crate::{FormatError, Result, refuse_if};
 use flate2::{Crc, Decompress, FlushDecompress, Status};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::sync::{Arc, OnceLock};
 
 /// Packed bytes that are read together.
@@ -39,12 +41,9 @@ pub(crate) struct FileStretch {
     pub(crate) unpacked: u64,
     /// The CRC-32 of the unpacked bytes, where there is one.
     pub(crate) crc: Option<u32>,
-    /// Filled once the whole stretch agrees with its lengths and its checksum: where it stands unpacked, if it does.
-    pub(crate) verified: Arc<OnceLock<Option<UnpackedPlace>>>,
+    /// Filled once the whole stretch agrees with its lengths and its checksum: with the file of its unpacked bytes, if there is one.
+    pub(crate) verified: Arc<OnceLock<Option<Arc<SharedFile>>>>,
 }
-
-/// A file of unpacked bytes and a place in it.
-type UnpackedPlace = (Arc<SharedFile>, u64);
 
 impl FileStretch {
     /// A whole file as it is.
@@ -56,17 +55,17 @@ impl FileStretch {
 
     /// Begins at its front.
     pub(crate) fn stream(&self) -> StretchReader {
-        if let Some(Some((source, at))) = self.verified.get() {
-            let (source, at, end) = (Arc::clone(source), *at, at + self.unpacked);
-            return StretchReader { stretch: self.clone(), source, at, end, inflate: None, position: 0 };
-        }
-        let inflate = match self.packing {
-            Compression::Stored => None,
-            Compression::Deflate => Some(Inflate::new(false)),
-            Compression::Zlib => Some(Inflate::new(true)),
+        let (packing, source, range) = match self.verified.get() {
+            Some(Some(copy)) => (Compression::Stored, copy, (0, self.unpacked)),
+            _ => (self.packing, &self.source, (self.start, self.end)),
         };
-        let (source, at, end) = (Arc::clone(&self.source), self.start, self.end);
-        StretchReader { stretch: self.clone(), source, at, end, inflate, position: 0 }
+        let (engine, buffer) = match packing {
+            Compression::Stored => (None, 0),
+            packed => (Some(Decompress::new(packed == Compression::Zlib)), INPUT),
+        };
+        let bytes = FileRange { source: Arc::clone(source), at: range.0, end: range.1 };
+        let bytes = BufReader::with_capacity(buffer, bytes);
+        StretchReader { stretch: self.clone(), bytes, engine, ended: false, position: 0 }
     }
 
     /// Which checksum its bytes have.
@@ -79,42 +78,57 @@ impl FileStretch {
 
     /// Reads it to its end, once for all columns in it, and compares lengths and checksum with what is stated. A damaged bit changes
     /// what is unpacked long before the checksum, so that no number may be used before. What it unpacks to is kept, unless it is short.
-    pub(crate) fn verify(&self) -> Result<(), FormatError> {
-        let mut copies = self.source.copies();
+    pub(crate) fn verify(&self) -> Result<()> {
         if self.verified.get().is_some() || self.protection().is_none() {
             return Ok(());
         }
         let is_kept = self.packing != Compression::Stored && self.unpacked > VERIFIED_AT_ONCE;
-        let mut copy = if is_kept { copies.begin(self.unpacked) } else { None };
+        let mut copy = if is_kept { self.source.room_for_a_copy(self.unpacked) } else { None };
         let (mut stream, mut sum) = (self.stream(), Crc::new());
         let mut piece = vec![0; INPUT];
         let mut left = self.unpacked;
         while left > 0 {
             let some = usize::try_from(left).unwrap_or(INPUT).min(INPUT);
-            stream.read(&mut piece[..some])?;
+            stream.read_all(&mut piece[..some])?;
             if self.crc.is_some() {
                 sum.update(&piece[..some]);
             }
-            copy = copy.filter(|start| copies.append(*start, &piece[..some]).is_some());
+            // Where the disk is full it is unpacked once more when it is read.
+            copy = copy.filter(|mut copy: &File| copy.write_all(&piece[..some]).is_ok());
             left -= some as u64;
         }
         stream.expect_end()?;
         if let Some(expected) = self.crc.filter(|expected| *expected != sum.sum()) {
-            return Err(stream.damaged(
-                format!("a checksum of {:08x} over all of it", sum.sum()),
-                format!("{expected:08x}, as it is stored"),
-            ));
+            let found = format!("a checksum of {:08x} over all of it", sum.sum());
+            return Err(stream.damaged(found, format!("{expected:08x}, as it is stored")));
         }
-        let _ = self.verified.set(copies.reader().zip(copy));
+        let copy = copy.map(|copy| SharedFile::new(Box::new(copy))).transpose()?;
+        let _ = self.verified.set(copy.map(Arc::new));
         Ok(())
     }
 
     /// A single number at a place of it.
-    pub(crate) fn number(&self, place: u64, element: Element) -> Result<f64, FormatError> {
+    pub(crate) fn number(&self, place: u64, element: Element) -> Result<f64> {
         self.verify()?;
         let mut stream = self.stream();
         stream.skip(place)?;
-        Ok(element.exact(&stream.bytes(element.bytes)?).rounded())
+        Ok(element.exact(&stream.next_bytes(element.bytes)?).rounded())
+    }
+}
+
+/// Bytes of a file from a place on.
+struct FileRange {
+    source: Arc<SharedFile>,
+    at: u64,
+    end: u64,
+}
+
+impl Read for FileRange {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let most = usize::try_from(self.end - self.at).unwrap_or(usize::MAX).min(buffer.len());
+        let count = self.source.read_some(self.at, &mut buffer[..most])?;
+        self.at += count as u64;
+        Ok(count)
     }
 }
 
@@ -122,30 +136,33 @@ impl FileStretch {
 pub(crate) struct StretchReader {
     stretch: FileStretch,
     /// The bytes, as they are in the file or unpacked.
-    source: Arc<SharedFile>,
-    /// The next of them that is not in memory, and their end.
-    at: u64,
-    end: u64,
-    inflate: Option<Inflate>,
+    bytes: BufReader<FileRange>,
+    /// What unpacks them, and whether it came to their end.
+    engine: Option<Decompress>,
+    ended: bool,
     /// Unpacked bytes so far.
     position: u64,
 }
 
-struct Inflate {
-    engine: Decompress,
-    input: Vec<u8>,
-    next: usize,
-    ended: bool,
-}
-
-impl Inflate {
-    fn new(zlib: bool) -> Self {
-        Self { engine: Decompress::new(zlib), input: Vec::new(), next: 0, ended: false }
-    }
-
-    /// Packed bytes in memory that are not unpacked.
-    fn left(&self) -> u64 {
-        (self.input.len() - self.next) as u64
+impl Read for StretchReader {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let Some(engine) = &mut self.engine else { return self.bytes.read(buffer) };
+        while !self.ended && !buffer.is_empty() {
+            let packed = self.bytes.fill_buf()?;
+            let (before, is_last) = ((engine.total_in(), engine.total_out()), packed.is_empty());
+            let status = engine.decompress(packed, buffer, FlushDecompress::None)?;
+            let (taken, given) = (engine.total_in() - before.0, engine.total_out() - before.1);
+            // Both are no more than the lengths of the slices.
+            #[allow(clippy::cast_possible_truncation)]
+            let (taken, given) = (taken as usize, given as usize);
+            self.bytes.consume(taken);
+            self.ended = status == Status::StreamEnd;
+            if given > 0 {
+                return Ok(given);
+            }
+            refuse_if(is_last && !self.ended, || io::Error::from(io::ErrorKind::UnexpectedEof))?;
+        }
+        Ok(0)
     }
 }
 
@@ -162,121 +179,67 @@ impl StretchReader {
 
     /// What is wrong at this place.
     pub(crate) fn damaged(&self, found: impl Into<String>, expected: impl Into<String>) -> FormatError {
-        FormatError::damaged(
-            self.stretch.format,
-            format!("byte {} of {}", self.position, self.stretch.name),
-            found.into(),
-            expected.into(),
-        )
+        let place = format!("byte {} of {}", self.position, self.stretch.name);
+        FormatError::damaged(self.stretch.format, place, found, expected)
     }
 
     /// Reads all of `buffer`.
-    pub(crate) fn read(&mut self, buffer: &mut [u8]) -> Result<(), FormatError> {
-        if self.inflate.is_some() {
-            self.unpack(buffer)?;
-        } else {
-            let count = buffer.len() as u64;
-            if self.end - self.at < count {
-                return Err(self.damaged(
-                    format!("its end after {} more bytes", self.end - self.at),
-                    format!("{count} bytes"),
-                ));
+    pub(crate) fn read_all(&mut self, buffer: &mut [u8]) -> Result<()> {
+        let read = self.read_exact(buffer);
+        self.passed(read, buffer.len() as u64)
+    }
+
+    /// Goes on behind so many bytes, if they could be read.
+    fn passed(&mut self, read: io::Result<()>, count: u64) -> Result<()> {
+        let found = match read {
+            Ok(()) => {
+                self.position += count;
+                return Ok(());
             }
-            self.source.read_exact(self.stretch.format, self.at, buffer)?;
-            self.at += count;
-        }
-        self.position += buffer.len() as u64;
-        Ok(())
+            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => "its end before".to_owned(),
+            Err(error) if self.engine.is_some() => {
+                format!("packed bytes that are damaged, or whose checksum is another one ({error}), before")
+            }
+            Err(error) => return Err(error.into()),
+        };
+        Err(self.damaged(found, format!("{count} bytes")))
     }
 
     /// Reads a few bytes, whose number the caller bounds.
-    pub(crate) fn bytes(&mut self, count: usize) -> Result<Vec<u8>, FormatError> {
+    pub(crate) fn next_bytes(&mut self, count: usize) -> Result<Vec<u8>> {
         let mut buffer = vec![0; count];
-        self.read(&mut buffer)?;
+        self.read_all(&mut buffer)?;
         Ok(buffer)
     }
 
     /// Passes over bytes.
-    pub(crate) fn skip(&mut self, mut count: u64) -> Result<(), FormatError> {
-        if self.inflate.is_none() {
-            if self.end - self.at < count {
-                return Err(self.damaged(
-                    format!("its end after {} more bytes", self.end - self.at),
-                    format!("{count} bytes"),
-                ));
-            }
-            self.at += count;
-            self.position += count;
-            return Ok(());
-        }
-        let mut waste = vec![0; usize::try_from(count).unwrap_or(INPUT).min(INPUT)];
-        while count > 0 {
-            let some = usize::try_from(count).unwrap_or(INPUT).min(waste.len());
-            self.read(&mut waste[..some])?;
-            count -= some as u64;
-        }
-        Ok(())
+    pub(crate) fn skip(&mut self, count: u64) -> Result<()> {
+        let skipped = if self.engine.is_some() {
+            io::copy(&mut self.by_ref().take(count), &mut io::sink()).map(|skipped| skipped == count)
+        } else {
+            let range = self.bytes.get_mut();
+            let is_there = range.end - range.at >= count;
+            range.at += if is_there { count } else { 0 };
+            Ok(is_there)
+        };
+        let ended = || io::Error::from(io::ErrorKind::UnexpectedEof);
+        self.passed(skipped.and_then(|all| all.then_some(()).ok_or_else(ended)), count)
     }
 
     /// Refuses what goes on: more packed bytes, or packed bytes whose checksum is another one, which is the last of them.
-    fn expect_end(&mut self) -> Result<(), FormatError> {
-        let mut more = [0];
-        let unpacked = self.inflate.is_some() && self.unpack(&mut more).is_ok();
-        let left = self.end - self.at + self.inflate.as_ref().map_or(0, Inflate::left);
-        match &self.inflate {
-            _ if unpacked => Err(self.damaged("more bytes", "its end, as its length is stated")),
-            Some(inflate) if !inflate.ended => {
-                let found =
-                    "packed bytes that do not end, or whose checksum is not that of what they unpack to";
-                Err(self.damaged(found, "the end of what is packed, with its checksum"))
-            }
-            _ if left > 0 => Err(self.damaged(format!("{left} bytes behind it"), "none")),
-            _ => Ok(()),
-        }
-    }
-
-    fn unpack(&mut self, buffer: &mut [u8]) -> Result<(), FormatError> {
-        let mut filled = 0;
-        while filled < buffer.len() {
-            let Some(inflate) = &mut self.inflate else { break };
-            if inflate.next == inflate.input.len() && self.at < self.end {
-                let count = usize::try_from(self.end - self.at).unwrap_or(INPUT).min(INPUT);
-                inflate.input.resize(count, 0);
-                self.source.read_exact(self.stretch.format, self.at, &mut inflate.input)?;
-                inflate.next = 0;
-                self.at += count as u64;
-            }
-            let (taken, given) = (inflate.engine.total_in(), inflate.engine.total_out());
-            let status = if inflate.ended {
-                Ok(Status::StreamEnd)
-            } else {
-                inflate.engine.decompress(
-                    &inflate.input[inflate.next..],
-                    &mut buffer[filled..],
-                    FlushDecompress::None,
-                )
-            };
-            let taken = inflate.engine.total_in() - taken;
-            let given = inflate.engine.total_out() - given;
-            // Both are no more than the lengths of the slices.
-            #[allow(clippy::cast_possible_truncation)]
-            {
-                inflate.next += taken as usize;
-                filled += given as usize;
-            }
-            inflate.ended |= matches!(status, Ok(Status::StreamEnd));
-            let stuck = taken == 0 && given == 0;
-            if filled < buffer.len() && (status.is_err() || inflate.ended || stuck) {
-                let found = match status {
-                    Err(error) => {
-                        format!("packed bytes that are damaged, or whose checksum is another one ({error})")
-                    }
-                    Ok(_) => format!("the end of what is packed {filled} bytes on"),
-                };
-                return Err(self.damaged(found, format!("{} bytes", buffer.len())));
-            }
-        }
-        Ok(())
+    fn expect_end(&mut self) -> Result<()> {
+        let more = self.read(&mut [0]);
+        let packed = self.engine.as_ref().map_or(self.packed(), Decompress::total_in);
+        let (found, expected) = match more {
+            Ok(0) if packed == self.packed() => return Ok(()),
+            Ok(0) => (format!("{} bytes behind it", self.packed() - packed), "none"),
+            Ok(_) => ("more bytes".to_owned(), "its end, as its length is stated"),
+            Err(error) => (
+                format!("packed bytes that do not end, or whose checksum is another one ({error})"),
+                "the end of what is packed, with its checksum",
+            ),
+        };
+        Err(self.damaged(found, expected))
     }
 }
 
@@ -304,7 +267,7 @@ impl RecordLane for StreamLane {
         self.stretch.protection()
     }
 
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<()> {
         let stream = match &mut self.stream {
             Some(stream) => stream,
             // Unpacking takes memory, which a column that is not read does not need.
@@ -316,6 +279,6 @@ impl RecordLane for StreamLane {
             }
         };
         out.resize(rows * self.record, 0);
-        stream.read(out)
+        stream.read_all(out)
     }
 }

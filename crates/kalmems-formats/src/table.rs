@@ -1,6 +1,7 @@
 //! What every format gives.
 
-use crate::{Block, FormatError, Instant, TimeKind, TimeUnit, limits};
+use crate::{Block, FormatError, Instant, Result, TimeKind, TimeUnit, limits, refuse_if};
+use sha2::{Digest as _, Sha256};
 use std::collections::BTreeSet;
 use std::fmt;
 
@@ -124,6 +125,15 @@ impl WantedColumn {
         }
     }
 
+    /// Another column that is wanted in the same way.
+    pub(crate) const fn of(self, column: usize) -> Self {
+        match self {
+            Self::Number { power, .. } => Self::Number { column, power },
+            Self::Time { unit, origin, .. } => Self::Time { column, unit, origin },
+            Self::Label { .. } => Self::Label { column },
+        }
+    }
+
     /// Whether it is of labels; all else are numbers.
     pub const fn is_label(self) -> bool {
         matches!(self, Self::Label { .. })
@@ -131,22 +141,15 @@ impl WantedColumn {
 
     /// The column of the times among what is wanted, what it counts and from where on. A second one is refused: a block has
     /// one origin.
-    pub fn time(
-        wanted: &[Self],
-        format: &'static str,
-    ) -> Result<Option<(usize, TimeUnit, Option<Instant>)>, FormatError> {
+    pub fn time(wanted: &[Self], format: &'static str) -> Result<Option<(usize, TimeUnit, Option<Instant>)>> {
         let mut times = wanted.iter().filter_map(|want| match *want {
             Self::Time { column, unit, origin } => Some((column, unit, origin)),
             _ => None,
         });
         let first = times.next();
-        if times.next().is_some() {
-            return Err(FormatError::unsupported(
-                format,
-                "a second column as the times of the rows",
-                "name one",
-            ));
-        }
+        refuse_if(times.next().is_some(), || {
+            FormatError::unsupported(format, "a second column as the times of the rows", "name one")
+        })?;
         Ok(first)
     }
 }
@@ -157,7 +160,7 @@ pub trait Table: Send {
     fn description(&self) -> &TableDescription;
 
     /// States what to read; before the first block.
-    fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError>;
+    fn want(&mut self, wanted: &[WantedColumn]) -> Result<()>;
 
     /// What the format says of a column of times by itself; `None` where its name or somebody has to say what it counts.
     fn time_kind(&self, _column: usize) -> Option<TimeKind> {
@@ -171,7 +174,7 @@ pub trait Table: Send {
 
     /// Reads the next rows into `block`, whose former contents are dropped and whose memory is used again; at most
     /// as many as its capacity. Neither row nor fault is the end of the table.
-    fn read(&mut self, block: &mut Block) -> Result<(), FormatError>;
+    fn read(&mut self, block: &mut Block) -> Result<()>;
 
     /// How far it has come and how far there is to go, in bytes of the file; 0 where the whole is not known.
     fn progress(&self) -> (u64, u64);
@@ -183,10 +186,7 @@ pub trait Table: Send {
 }
 
 /// Refuses columns that do not stand beside each other.
-pub(crate) fn refuse_apart<'a>(
-    format: &'static str,
-    wanted: impl Iterator<Item = &'a Column>,
-) -> Result<(), FormatError> {
+pub(crate) fn refuse_apart<'a>(format: &'static str, wanted: impl Iterator<Item = &'a Column>) -> Result<()> {
     let mut first: Option<&Column> = None;
     for column in wanted {
         let of = *first.get_or_insert(column);
@@ -229,6 +229,13 @@ pub struct Digest {
     pub sha256: String,
     /// How many there are.
     pub bytes: u64,
+}
+
+impl Digest {
+    pub(crate) fn new(hash: Sha256, bytes: u64) -> Self {
+        let digits = |text: String, byte: &u8| text + &format!("{byte:02x}");
+        Self { sha256: hash.finalize().iter().fold(String::new(), digits), bytes }
+    }
 }
 
 /// How many bytes of a file of so many stand for the rows until one of them, where all rows are as long.

@@ -4,7 +4,7 @@ use crate::clock::ChannelClock;
 use crate::records::{CellKind, RecordField, RecordLane, RecordTable, StoredCell};
 use crate::stated_clock::{StatedNumbers, settle_each};
 use crate::stream::{FileStretch, StreamLane};
-use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
+use crate::{Column, FormatError, Hints, OmittedPart, Result, Table, limits, refuse_if};
 
 /// Columns of an array of two axes that become columns beside others.
 const BESIDE: u64 = 64;
@@ -23,6 +23,17 @@ pub(crate) struct StoredArray<'a> {
 /// Whether the columns of an array of two axes become columns beside others.
 pub(crate) fn becomes_columns(rows: u64, columns: u64) -> bool {
     columns <= BESIDE.min(rows)
+}
+
+/// The only one of some tables, which have names; several are refused with these.
+pub(crate) fn only<T>(format: &'static str, mut places: Vec<(String, T)>) -> Result<Option<(String, T)>> {
+    if places.len() < 2 {
+        return Ok(places.pop());
+    }
+    let mut names: Vec<String> = places.iter().map(|(name, _)| format!("`{name}`")).collect();
+    names.sort();
+    let remedy = format!("write `group` as one of {}", limits::list(&names));
+    Err(FormatError::unsupported(format, "several tables at a time", remedy))
 }
 
 /// What was found so far.
@@ -63,68 +74,81 @@ impl TableParts {
         stored: Option<Vec<String>>,
         columns: u64,
         what: &str,
-    ) -> Result<Vec<String>, FormatError> {
+    ) -> Result<Vec<String>> {
         match hints.columns.clone().or(stored) {
             Some(names) if names.len() as u64 == columns => Ok(names),
             names => {
                 let with = names.map_or("out names".to_owned(), |names| format!(" {} names", names.len()));
                 let kind = self.format.split(' ').next().unwrap_or_default().to_lowercase();
-                Err(FormatError::unsupported(
-                    self.format,
-                    format!("{what} with{with}"),
-                    format!(
-                        "write their names, such as `format = {{ kind = \"{kind}\", columns = [\"time_s\", \"cap_V\"] }}`, as \
-                         many as there are columns; rows are along the first axis"
-                    ),
-                ))
+                let remedy = format!(
+                    "write their names, such as `format = {{ kind = \"{kind}\", columns = [\"time_s\", \"cap_V\"] }}`, as \
+                     many as there are columns; rows are along the first axis"
+                );
+                Err(FormatError::unsupported(self.format, format!("{what} with{with}"), remedy))
             }
         }
     }
 
+    /// Adds columns of numbers or texts whose cells stand beside each other in the records of a lane.
+    pub(crate) fn add_rows(
+        &mut self,
+        lane: Box<dyn RecordLane>,
+        rows: u64,
+        cell: StoredCell,
+        names: &[String],
+    ) {
+        for (number, name) in names.iter().enumerate() {
+            let cells = CellKind::Stored { lane: self.lanes.len(), offset: number * cell.bytes(), cell };
+            let column = Column::new(name).at(format!("column {}", number + 1));
+            self.fields.push(RecordField::new(column, cells, rows));
+        }
+        self.lanes.push(lane);
+    }
+
     /// Adds the columns of an array, which stand one after the other or beside each other.
-    pub(crate) fn add_array(&mut self, array: &StoredArray, names: &[String]) -> Result<(), FormatError> {
+    pub(crate) fn add_array(&mut self, array: &StoredArray, names: &[String]) -> Result<()> {
         let &StoredArray { stretch, place, rows, cell, by_column } = array;
         let (count, size) = (names.len(), cell.bytes());
-        limits::at_most(self.format, "the number of columns", count as u64, limits::COLUMNS as u64)?;
+        limits::at_most(self.format, "the number of columns", count, limits::COLUMNS)?;
         let wide = if by_column { size } else { count.saturating_mul(size) };
-        limits::at_most(self.format, "the bytes of a row", wide as u64, limits::ROW_BYTES as u64)?;
-        let first = self.lanes.len();
-        for (number, name) in names.iter().enumerate() {
-            let (lane, offset) = if by_column { (first + number, 0) } else { (first, number * size) };
-            let column = if count > 1 {
-                Column::new(name).at(format!("column {}", number + 1))
-            } else {
-                Column::new(name)
-            };
-            let cells = CellKind::Stored { lane, offset, cell };
-            self.fields.push(RecordField::new(column, cells, rows));
-            if by_column || number == 0 {
-                let skip = place + lane.abs_diff(first) as u64 * rows * size as u64;
-                self.lanes.push(Box::new(StreamLane::new(stretch.clone(), skip, wide)));
-            }
+        limits::at_most(self.format, "the bytes of a row", wide, limits::ROW_BYTES)?;
+        let first = self.fields.len();
+        let (lanes, width) = if by_column { (count, 1) } else { (1, count) };
+        for (number, names) in (0..lanes).zip(names.chunks(width.max(1))) {
+            let skip = place + number as u64 * rows * size as u64;
+            self.add_rows(Box::new(StreamLane::new(stretch.clone(), skip, wide)), rows, cell, names);
+        }
+        for (number, field) in self.fields.iter_mut().skip(first).enumerate() {
+            field.column.place = (count > 1).then(|| format!("column {}", number + 1));
         }
         Ok(())
     }
 
     /// The table, with the time that the file states. `stated_by` says what states it, and `remedy` what to do where there is no column.
     pub(crate) fn finish(
-        self,
+        mut self,
         file_bytes: u64,
         stated_by: &'static str,
         remedy: &str,
-    ) -> Result<Box<dyn Table>, FormatError> {
-        let Self { format, mut recognised, left_out, mut fields, mut lanes, stated, own_clocks } = self;
-        if fields.is_empty() {
-            let what = format!("a file without a column of numbers or labels ({})", limits::list(&left_out));
-            return Err(FormatError::unsupported(format, what, remedy));
-        }
-        let mut clocks = vec![stated.clock(); fields.len()];
-        for (field, own) in own_clocks {
-            if let Some(clock) = clocks.get_mut(field).filter(|_| own.step.is_some()) {
-                *clock = own;
+    ) -> Result<Box<dyn Table>> {
+        let mut clocks = vec![self.stated.clock(); self.fields.len()];
+        for (field, own) in &self.own_clocks {
+            if let Some(clock) = clocks.get_mut(*field).filter(|_| own.step.is_some()) {
+                *clock = *own;
             }
         }
-        recognised.push_str(&settle_each(&clocks, &mut fields, &mut lanes, stated_by));
-        Ok(Box::new(RecordTable::new(format, recognised, left_out, fields, lanes, file_bytes)))
+        let said = settle_each(&clocks, &mut self.fields, &mut self.lanes, stated_by);
+        self.recognised.push_str(&said);
+        self.table(file_bytes, "a file", remedy)
+    }
+
+    /// The same with the times that it has already. `what` is the place, for messages.
+    pub(crate) fn table(self, file_bytes: u64, what: &str, remedy: &str) -> Result<Box<dyn Table>> {
+        refuse_if(self.fields.is_empty(), || {
+            let left_out = limits::list(&self.left_out);
+            let what = format!("{what} without a column of numbers or labels ({left_out})");
+            FormatError::unsupported(self.format, what, remedy)
+        })?;
+        Ok(Box::new(RecordTable::new(self, file_bytes)))
     }
 }

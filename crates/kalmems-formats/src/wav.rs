@@ -3,11 +3,11 @@
 use crate::clock::{RegularTimes, SampleStep};
 use crate::cursor::ByteCursor;
 use crate::element::{Element, ElementKind};
-use crate::lanes::UnpackedRecords;
-use crate::records::{CellKind, RecordField, RecordTable, StoredCell};
+use crate::records::{CellKind, RecordField, StoredCell};
 use crate::source::SharedFile;
+use crate::stream::{FileStretch, StreamLane};
 use crate::table_parts::TableParts;
-use crate::{Column, FormatError, Hints, Table, limits};
+use crate::{Column, FormatError, Hints, Result, Table, limits, refuse_if};
 use std::sync::Arc;
 
 const FORMAT: &str = "WAV";
@@ -16,44 +16,38 @@ const CHUNKS: usize = 4096;
 /// A length of 32 bits that says that it is elsewhere.
 const ELSEWHERE: u32 = u32::MAX;
 
-pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>> {
+    let source = Arc::new(source);
     let sound = SampleFormat::read(&source)?;
     let channels = sound.channels;
     let own = (1..=channels).map(|channel| format!("channel{channel}_1")).collect();
     let what = format!("a recording of {channels} channels");
-    let names = TableParts::new(FORMAT).names(hints, Some(own), channels as u64, &what)?;
+    let mut table = TableParts::new(FORMAT);
+    let names = table.names(hints, Some(own), channels as u64, &what)?;
     let record = channels * sound.element.bytes;
     let rows = sound.bytes / record as u64;
     let step = SampleStep::Rate(f64::from(sound.rate));
     // Samples since midnight, as a broadcast has them.
     let start_s = sound.since_midnight as f64 / f64::from(sound.rate);
     let clock = vec![RegularTimes { row: 0, start_s, step }];
-    let mut fields = vec![RecordField::new(Column::new("time_s"), CellKind::Clock(clock), rows)];
-    for (channel, name) in names.into_iter().enumerate() {
-        let offset = channel * sound.element.bytes;
-        let column = Column::new(&name).at(format!("channel {}", channel + 1));
-        fields.push(RecordField::new(
-            column,
-            CellKind::Stored { lane: 0, offset, cell: StoredCell::Number(sound.element) },
-            rows,
-        ));
-    }
+    table.fields.push(RecordField::new(Column::new("time_s"), CellKind::Clock(clock), rows));
+    let file = FileStretch::stored(Arc::clone(&source), FORMAT, "the file");
+    let lane = StreamLane::new(file, sound.offset, record);
+    table.add_rows(Box::new(lane), rows, StoredCell::Number(sound.element), &names);
     let scale =
         if sound.element.kind == ElementKind::Float { "as they are" } else { "in parts of full scale" };
     let start = match sound.since_midnight {
         0 => String::new(),
         _ => format!("{start_s} s (the time of day in its bext chunk) + "),
     };
-    let recognised = format!(
+    table.recognised = format!(
         "{channels} channels of {} in {} bits, {scale}; time_s = {start}k/({} Hz) for row k from 0 on, which is not in the \
          file",
         if sound.element.kind == ElementKind::Float { "floating-point numbers" } else { "integers" },
         sound.element.bytes * 8,
         sound.rate,
     );
-    let file_bytes = source.length();
-    let lane = UnpackedRecords { source: Arc::new(source), format: FORMAT, offset: sound.offset, record };
-    Ok(Box::new(RecordTable::new(FORMAT, recognised, Vec::new(), fields, vec![Box::new(lane)], file_bytes)))
+    table.table(source.length(), "a file", "record some channels")
 }
 
 /// What is known of the samples.
@@ -68,7 +62,7 @@ struct SampleFormat {
 }
 
 impl SampleFormat {
-    fn read(source: &SharedFile) -> Result<Self, FormatError> {
+    fn read(source: &SharedFile) -> Result<Self> {
         let head = source.bytes(FORMAT, 0, 12)?;
         let long = head.starts_with(b"RF64") || head.starts_with(b"BW64");
         let whole = ByteCursor::new(FORMAT, &head, 0).skip(4)?.u32()?;
@@ -88,9 +82,7 @@ impl SampleFormat {
             let mut length = u64::from(short);
             match kind {
                 b"ds64" if long => {
-                    if length < 24 {
-                        return Err(damaged(place, format!("a ds64 chunk of {length} bytes"), "at least 24"));
-                    }
+                    refuse_if(length < 24, || damaged(place, "a ds64 chunk that is short", "24 bytes"))?;
                     let sizes = source.bytes(FORMAT, start, 24)?;
                     let mut sizes = ByteCursor::new(FORMAT, &sizes, start);
                     refuse_other_length(source, sizes.u64()?)?;
@@ -104,47 +96,25 @@ impl SampleFormat {
                 b"fmt " => shape = Some(shape_of(source, place, length)?),
                 b"data" => {
                     if long && short == ELSEWHERE {
-                        length = long_data.ok_or_else(|| {
-                            damaged(
-                                place,
-                                "data whose length is in no ds64 chunk".to_owned(),
-                                "a ds64 chunk before",
-                            )
-                        })?;
+                        let found = "data whose length is in no ds64 chunk";
+                        length = long_data.ok_or_else(|| damaged(place, found, "a ds64 chunk before"))?;
                     }
-                    let Some((channels, rate, element)) = shape else {
-                        return Err(damaged(
-                            place,
-                            "data before a fmt chunk".to_owned(),
-                            "the fmt chunk first",
-                        ));
-                    };
+                    let early = || damaged(place, "data before a fmt chunk", "the fmt chunk first");
+                    let (channels, rate, element) = shape.ok_or_else(early)?;
                     let there = source.length() - start;
-                    if length > there || (length == 0 && there > 0) {
-                        return Err(damaged(
-                            place,
-                            format!(
-                                "a claim of {length} bytes of samples, and {there} to the end of the file"
-                            ),
-                            "a recording that was ended properly",
-                        ));
-                    }
+                    refuse_if(length > there || (length == 0 && there > 0), || {
+                        let claim = format!("a claim of {length} bytes of samples");
+                        let found = format!("{claim}, and {there} to the end of the file");
+                        damaged(place, found, "a recording that was ended properly")
+                    })?;
                     let record = (channels * element.bytes) as u64;
-                    if length % record != 0 {
-                        return Err(damaged(
-                            place,
-                            format!("{length} bytes of samples"),
-                            &format!("a multiple of {record}, the bytes of a sample of all channels"),
-                        ));
-                    }
-                    return Ok(Self {
-                        channels,
-                        rate,
-                        element,
-                        offset: start,
-                        bytes: length,
-                        since_midnight,
-                    });
+                    refuse_if(length % record != 0, || {
+                        let expected =
+                            format!("a multiple of {record}, the bytes of a sample of all channels");
+                        damaged(place, format!("{length} bytes of samples"), &expected)
+                    })?;
+                    let (offset, bytes) = (start, length);
+                    return Ok(Self { channels, rate, element, offset, bytes, since_midnight });
                 }
                 _ => {}
             }
@@ -154,31 +124,27 @@ impl SampleFormat {
                 _ => break,
             };
         }
-        Err(damaged(place, "no data chunk".to_owned(), "one with samples"))
+        Err(damaged(place, "no data chunk", "one with samples"))
     }
 }
 
 /// Refuses a file that is shorter than the length that it states, which is that of all behind the first eight bytes.
-fn refuse_other_length(source: &SharedFile, stated: u64) -> Result<(), FormatError> {
+fn refuse_other_length(source: &SharedFile, stated: u64) -> Result<()> {
     let there = source.length().saturating_sub(8);
     // A byte may be left out that would make the length even.
     if stated <= there.saturating_add(1) {
         return Ok(());
     }
-    Err(damaged(
-        4,
-        format!("a length of {stated} bytes, and {there} to the end of the file"),
-        "a file that is whole",
-    ))
+    let found = format!("a length of {stated} bytes, and {there} to the end of the file");
+    Err(damaged(4, found, "a file that is whole"))
 }
 
 /// Channels, rate and kind of number, from the fmt chunk.
-fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32, Element), FormatError> {
-    if !(16..=1024).contains(&length) {
-        return Err(damaged(place, format!("a fmt chunk of {length} bytes"), "16, 18 or 40"));
-    }
-    #[allow(clippy::cast_possible_truncation)] // at most 1024
-    let chunk = source.bytes(FORMAT, place + 8, length as usize)?;
+fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32, Element)> {
+    refuse_if(!(16..=1024).contains(&length), || {
+        damaged(place, format!("a fmt chunk of {length} bytes"), "16, 18 or 40")
+    })?;
+    let chunk = source.bytes(FORMAT, place + 8, length)?;
     let mut chunk = ByteCursor::new(FORMAT, &chunk, place + 8);
     let mut code = chunk.u16()?;
     let (channels, rate, byte_rate) = (usize::from(chunk.u16()?), chunk.u32()?, chunk.u32()?);
@@ -186,46 +152,37 @@ fn shape_of(source: &SharedFile, place: u64, length: u64) -> Result<(usize, u32,
     if code == 0xfffe {
         let valid = chunk.skip(2)?.u16()?;
         code = chunk.skip(4)?.u16()?;
-        if chunk.take(14)? != b"\x00\x00\x00\x00\x10\x00\x80\x00\x00\xaa\x00\x38\x9b\x71"
-            || (valid != bits && valid != 0)
-        {
-            return Err(FormatError::unsupported(
-                FORMAT,
-                format!("a kind of sample of its own, {valid} of {bits} bits,"),
-                "convert it to PCM or floating-point numbers with all bits in use",
-            ));
-        }
+        refuse_if(
+            chunk.take(14)? != b"\x00\x00\x00\x00\x10\x00\x80\x00\x00\xaa\x00\x38\x9b\x71"
+                || (valid != bits && valid != 0),
+            || {
+                let what = format!("a kind of sample of its own, {valid} of {bits} bits,");
+                let remedy = "convert it to PCM or floating-point numbers with all bits in use";
+                FormatError::unsupported(FORMAT, what, remedy)
+            },
+        )?;
     }
     let element = match (code, bits) {
         (1, 8) => Element::little(ElementKind::PcmByte, 1),
         (1, 16 | 24 | 32) => Element::little(ElementKind::Pcm, usize::from(bits / 8)),
         (3, 32 | 64) => Element::little(ElementKind::Float, usize::from(bits / 8)),
         _ => {
-            return Err(FormatError::unsupported(
-                FORMAT,
-                format!("code {code} with {bits} bits"),
-                "convert it to PCM of 8, 16, 24 or 32 bits or to floating-point numbers",
-            ));
+            let remedy = "convert it to PCM of 8, 16, 24 or 32 bits or to floating-point numbers";
+            return Err(FormatError::unsupported(FORMAT, format!("code {code} with {bits} bits"), remedy));
         }
     };
-    if channels == 0 || rate == 0 || frame != channels * element.bytes {
-        return Err(damaged(
-            place,
-            format!("{channels} channels of {bits} bits at {rate} Hz in {frame} bytes a sample"),
-            "at least one channel, a rate above 0, and bytes that agree",
-        ));
-    }
-    if u64::from(byte_rate) != u64::from(rate) * frame as u64 {
-        return Err(damaged(
-            place,
-            format!("{byte_rate} bytes a second, and {rate} samples of {frame} bytes"),
-            "a rate that agrees with the bytes a second",
-        ));
-    }
-    limits::at_most(FORMAT, "the bytes of a sample of all channels", frame as u64, limits::ROW_BYTES as u64)?;
+    refuse_if(channels == 0 || rate == 0 || frame != channels * element.bytes, || {
+        let found = format!("{channels} channels of {bits} bits at {rate} Hz in {frame} bytes a sample");
+        damaged(place, found, "at least one channel, a rate above 0, and bytes that agree")
+    })?;
+    refuse_if(u64::from(byte_rate) != u64::from(rate) * frame as u64, || {
+        let found = format!("{byte_rate} bytes a second, and {rate} samples of {frame} bytes");
+        damaged(place, found, "a rate that agrees with the bytes a second")
+    })?;
+    limits::at_most(FORMAT, "the bytes of a sample of all channels", frame, limits::ROW_BYTES)?;
     Ok((channels, rate, element))
 }
 
-fn damaged(place: u64, found: String, expected: &str) -> FormatError {
+fn damaged(place: u64, found: impl Into<String>, expected: &str) -> FormatError {
     FormatError::damaged_at(FORMAT, place, found, expected)
 }

@@ -1,7 +1,8 @@
 //! Texts in the dialects that instruments write.
 
 use kalmems_formats::{
-    Block, CellFinding, CsvHints, FormatError, Hints, Table, TableEvidence, WantedColumn, open_csv, read_csv,
+    Block, CellFinding, CsvHints, FormatError, Hints, Table, TableEvidence, TimeUnit, WantedColumn, open_csv,
+    read_csv,
 };
 use std::fmt::Write as _;
 use std::io::Cursor;
@@ -763,29 +764,111 @@ fn waveforms_that_begin_later_stand_in_the_rows_of_their_times() {
     assert!(error.contains("at most 65536 are held"), "{error}");
 }
 
-/// A waveform with times of its own stands beside the first only where its times are the same.
+/// The rows of a LabVIEW file with a column of times for each of two channels.
+fn times_of_each(rows: impl Iterator<Item = (f64, f64)>) -> String {
+    let head = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nMulti_Headings\tNo\nX_Columns\tMulti\n\
+                ***End_of_Header***\t\nChannels\t2\nY_Unit_Label\tV\t\tV\nX_Dimension\tTime\t\tTime\n***End_of_Header***\n\
+                X_Value\tdrive\tX_Value\tcap\tComment\n";
+    let row = |(row, (first, second)): (usize, (f64, f64))| {
+        format!("{first:.6}\t{}\t{second:.6}\t{}\n", row + 1, 10 * (row + 1))
+    };
+    head.to_owned() + &rows.enumerate().map(row).collect::<String>()
+}
+
+const fn number(column: usize) -> WantedColumn {
+    WantedColumn::Number { column, power: 0 }
+}
+
+/// Of two channels with times of their own the one that begins whole samples later stands in the rows of its times, whichever it is.
+#[test]
+fn waveforms_with_later_times_of_their_own_stand_in_the_rows_of_these() {
+    let time = |k: u32| f64::from(k) * 1e-3 + 0.5;
+    let nan = f64::NAN;
+    let (early, late) = ([1.0, 2.0, 3.0, 4.0, nan, nan], [nan, nan, 1.0, 2.0, 3.0, 4.0]);
+    let bits = |numbers: &[f64]| numbers.iter().map(|n| n.to_bits()).collect::<Vec<_>>();
+    for (drive_later, cap_later) in [(0, 2), (2, 0), (0, 0)] {
+        let file = times_of_each((0..4).map(|k| (time(k + drive_later), time(k + cap_later))));
+        for (capacity, wanted) in [1, 3, 100].into_iter().flat_map(|c| [(c, vec![0, 1, 3]), (c, vec![1, 3])])
+        {
+            let mut table = text(&file, &CsvHints::default()).unwrap();
+            assert!(table.description().columns.iter().all(|column| column.apart.is_none()));
+            let wants: Vec<WantedColumn> = wanted
+                .iter()
+                .map(|column| match column {
+                    0 => WantedColumn::Time { column: 0, unit: TimeUnit::SECOND, origin: None },
+                    column => number(*column),
+                })
+                .collect();
+            table.want(&wants).unwrap();
+            let (mut columns, mut faults) = (vec![Vec::new(); wanted.len()], Vec::new());
+            let (mut block, mut begin) = (Block::with_capacity(capacity), 0);
+            loop {
+                table.read(&mut block).unwrap();
+                if block.is_end() {
+                    break;
+                }
+                assert_eq!(block.numbers.len(), wanted.len());
+                for (all, some) in columns.iter_mut().zip(&block.numbers) {
+                    all.extend_from_slice(some);
+                }
+                faults.extend(block.faults.iter().map(|f| (begin + f.row, f.column, f.fault.clone())));
+                begin += block.rows;
+            }
+            let rows = 4 + drive_later.max(cap_later);
+            if wanted.len() == 3 {
+                let times = columns.remove(0);
+                assert_eq!(bits(&times), bits(&(0..rows).map(time).collect::<Vec<_>>()), "{capacity}");
+            }
+            let shifted = |later: u32| if later > 0 { late } else { early }[..rows as usize].to_vec();
+            let cap: Vec<f64> = shifted(cap_later).iter().map(|number| 10.0 * number).collect();
+            assert_eq!(bits(&columns[0]), bits(&shifted(drive_later)), "{capacity}");
+            assert_eq!(bits(&columns[1]), bits(&cap), "{capacity}");
+            let missing = |column| (column, CellFinding::Missing);
+            let count = if rows == 6 { 2 } else { 0 };
+            for column in [Some(1), Some(3)] {
+                let own = faults.iter().filter(|(_, of, fault)| (*of, fault.clone()) == missing(column));
+                assert_eq!(own.count(), count, "{capacity}: {faults:?}");
+            }
+            assert_eq!(faults.len(), 2 * count, "{faults:?}");
+        }
+    }
+}
+
+/// Where the times of two channels part behind the rows that are looked at first, the file is refused in the row where they do.
+#[test]
+fn a_waveform_whose_own_times_leave_those_of_the_rows_is_refused_there() {
+    let drift = |k: u32| f64::from(k) * 1e-3 + if k < 300 { 0.002 } else { 0.003 };
+    let file = times_of_each((0..400).map(|k| (f64::from(k) * 1e-3, drift(k))));
+    let mut table = text(&file, &CsvHints::default()).unwrap();
+    table.want(&[number(1), number(3)]).unwrap();
+    let mut block = Block::with_capacity(64);
+    let error = std::iter::repeat_with(|| table.read(&mut block)).take(20).find_map(Result::err).unwrap();
+    let said = error.to_string();
+    assert!(said.contains("column 3 with the time 0.303 in row 303, whose time is 0.302"), "{said}");
+    // Alone each is read to its end.
+    let mut table = text(&file, &CsvHints::default()).unwrap();
+    table.want(&[number(1)]).unwrap();
+    let rows = std::iter::repeat_with(|| table.read(&mut block).map(|()| block.rows).unwrap());
+    assert_eq!(rows.take_while(|rows| *rows > 0).sum::<usize>(), 400);
+}
+
+/// A waveform that begins between the samples of another, or comes at another rate, is refused beside it by name.
 #[test]
 fn waveforms_with_other_times_of_their_own_are_refused_beside_each_other_by_name() {
-    let file = |lead: &str| {
-        format!(
-            "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nMulti_Headings\tNo\nX_Columns\tMulti\n\
-             ***End_of_Header***\t\nChannels\t2\nY_Unit_Label\tV\t\tV\nX_Dimension\tTime\t\tTime\n***End_of_Header***\n\
-             X_Value\tdrive\tX_Value\tcap\tComment\n0.000\t1\t0.00{lead}\t10\n0.001\t2\t0.00{lead}5\t20\n"
-        )
-    };
-    let mut table = text(&file("8"), &CsvHints::default()).unwrap();
-    let apart = table.description().columns[3].apart.clone().unwrap();
-    assert_eq!(apart, "its times stand in `time of cap_s` and are not those of `time_s`");
-    let number = |column| WantedColumn::Number { column, power: 0 };
-    let error = table.want(&[number(0), number(3)]).unwrap_err().to_string();
-    assert!(error.contains("together with `time_s`"), "{error}");
-    table.want(&[number(2), number(3)]).unwrap();
-    let mut block = Block::with_capacity(9);
-    table.read(&mut block).unwrap();
-    assert_eq!(block.numbers, [[0.008, 0.0085], [10.0, 20.0]]);
-    // The same times: one row.
-    let same = file("8").replace("0.0085", "0.001").replace("0.008", "0.000");
-    let mut table = text(&same, &CsvHints::default()).unwrap();
-    assert!(table.description().columns.iter().all(|column| column.apart.is_none()));
-    table.want(&[number(0), number(3)]).unwrap();
+    let time = |k: u32| f64::from(k) * 1e-3;
+    let between = times_of_each((0..4).map(|k| (time(k), time(k) + 0.0033)));
+    let other_rate = times_of_each((0..4).map(|k| (time(k), time(k) / 2.0 + 0.008)));
+    for (file, why) in [
+        (between, "it starts 0.0033 s after `drive_V`: 3.3 samples, no whole number"),
+        (other_rate, "its samples do not come as those of `drive_V`"),
+    ] {
+        let mut table = text(&file, &CsvHints::default()).unwrap();
+        assert_eq!(table.description().columns[3].apart.as_deref(), Some(why));
+        let error = table.want(&[number(0), number(3)]).unwrap_err().to_string();
+        assert!(error.contains("together with `time_s`") && error.contains(why), "{error}");
+        table.want(&[number(2), number(3)]).unwrap();
+        let mut block = Block::with_capacity(9);
+        table.read(&mut block).unwrap();
+        assert_eq!(block.numbers[1], [10.0, 20.0, 30.0, 40.0]);
+    }
 }

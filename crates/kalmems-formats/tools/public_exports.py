@@ -20,21 +20,29 @@ from nptdms import TdmsFile
 
 CLONES, FOLDER = sys.argv[1:3]
 os.makedirs(FOLDER, exist_ok=True)
-# The folder of the clone, its address, and the licence of what is in it.
+# The folder of the clone: its address, the commit that is read, and the licence of what is in it.
 SOURCES = {
-    "RigolWFM": ("https://github.com/scottprahl/RigolWFM", "BSD-3-Clause"),
-    "lvm_read": ("https://github.com/openmodal/lvm_read", "GPL-3.0"),
-    "nanonis-xarray": ("https://github.com/angelo-peronio/nanonis-xarray", "MIT"),
-    "npTDMS": ("https://github.com/adamreeve/npTDMS", "LGPL-3.0"),
-    "mat7.3": ("https://github.com/skjerns/mat7.3", "GPL-3.0"),
+    "RigolWFM": ("https://github.com/scottprahl/RigolWFM", "159e647c0b74e1d73d0ad589149e1c26e1610b26", "BSD-3-Clause"),
+    "lvm_read": ("https://github.com/openmodal/lvm_read", "45c1ad68c0d1ad40bc8b697348a4bf8ae70e5a8f", "GPL-3.0"),
+    "nanonis-xarray": ("https://github.com/angelo-peronio/nanonis-xarray", "7004841d87701b1c1428aab934a864721f13ac2c", "MIT"),
+    "npTDMS": ("https://github.com/adamreeve/npTDMS", "824119ee0a99db33a8a442e38c8a4fd9a0d4f6de", "LGPL-3.0"),
+    "mat7.3": ("https://github.com/skjerns/mat7.3", "d686b80f33cc8ce46115cf09ff5ca4382bb89198", "GPL-3.0"),
+    "Fusion": ("https://github.com/xioTechnologies/Fusion", "d69784c8f7058a6545802b8852d26d6fcfd5e119", "MIT"),
+    "Gait-Tracking-With-x-IMU": ("https://github.com/xioTechnologies/Gait-Tracking-With-x-IMU", "f877838b4dba55a8f32442275e2c10f56035f3a2",
+                                 "none stated"),
+    "NGIMU": ("https://github.com/xioTechnologies/NGIMU-MATLAB-Import-Logged-Data-Example", "fb69298e59c74003e17748fa1a7547b8fb3b8a7d",
+              "none stated"),
+    "allantools": ("https://github.com/aewallin/allantools", "599dc9ea133ea4852f97e5ed88e51dc11bbdae1f", "LGPL-3.0"),
 }
-table = []
+table, paths = [], {}
 
 
-def take(source, path):
-    """The file from the newest commit of the clone."""
-    raw = subprocess.run(["git", "-C", os.path.join(CLONES, source), "show", f"HEAD:{path}"], check=True, capture_output=True).stdout
-    name = os.path.basename(path)
+def take(source, path, name=None):
+    """The file from the commit of the clone that SOURCES names."""
+    raw = subprocess.run(["git", "-C", os.path.join(CLONES, source), "show", f"{SOURCES[source][1]}:{path}"], check=True,
+                         capture_output=True).stdout
+    name = name or os.path.basename(path)
+    paths[name] = path
     with open(os.path.join(FOLDER, name), "wb") as file:
         file.write(raw)
     return name, raw
@@ -155,7 +163,28 @@ for name, group, places in [
         columns = {column: read[place][()].ravel() for column, place in places.items()}
     expect("mat7.3", file, "MATLAB 7.3", columns, [["group", group]] if group else [])
 
-print("| instrument | repository (licence) | file | columns | rows | outcome |\n|---|---|---|---|---|---|")
+# ---- x-io: x-IMU, NGIMU, x-IMU3, by NumPy -------------------------------------------------------------------------------------
+def named_csv(source, path, instrument, name):
+    """Names in the first line, one row a line; a name is compared up to its unit."""
+    file, raw = take(source, path, name)
+    head = raw.decode("utf-8").splitlines()[0].split(",")
+    expect(source, file, instrument, {column.split(" (")[0] + "*": values for column, values in zip(head, numbers(raw, 1))})
+
+
+named_csv("Fusion", "Examples/Python/sensor_data.csv", "x-io x-IMU3", "x_imu3.csv")
+for walk in ["spiralStairs", "stairsAndCorridor", "straightLine"]:
+    named_csv("Gait-Tracking-With-x-IMU", f"Gait Tracking With x-IMU/Datasets/{walk}_CalInertialAndMag.csv", "x-io x-IMU", f"{walk}.csv")
+for unit in ["Blue - 0029D0B4", "Green - 0029C1DA", "Red - 0029B94A"]:
+    for kind in ["sensors", "quaternion", "battery", "humidity", "temperature"]:
+        named_csv("NGIMU", f"My Session/NGIMU-{unit}/{kind}.csv", f"x-io NGIMU {unit[-8:]}", f"ngimu_{unit[-8:]}_{kind}.csv")
+# ---- Keysight 53230A: comments, and a column of numbers, by NumPy -----------------------------------------------------------------
+for path, column in [("Keysight53230A_ti_noise_floor/tic_phase.txt", "phase_s"), ("ocxo/ocxo_frequency.txt", "frequency_Hz")]:
+    file, raw = take("allantools", f"tests/{path}")
+    values = np.loadtxt(raw.decode("utf-8").splitlines())
+    expect("allantools", file, f"Keysight 53230A ({file.split('_')[0]})", {column: values}, [["columns", column]])
+
+print("| instrument | repository (licence) | commit | path | columns | rows | outcome |\n|---|---|---|---|---|---|---|")
 for instrument, source, name, columns, rows, outcome in table:
-    print(f"| {instrument} | {SOURCES[source][0].removeprefix('https://github.com/')} ({SOURCES[source][1]}) | {name} | {columns} | {rows} | {outcome} |")
-print(len(table), "files")
+    address, commit, licence = SOURCES[source]
+    print(f"| {instrument} | {address.removeprefix('https://github.com/')} ({licence}) | {commit[:10]} | {paths[name]} | {columns} | {rows} | {outcome} |")
+print(len(table), "files of", len({instrument for instrument, *_ in table}), "instruments and programs")

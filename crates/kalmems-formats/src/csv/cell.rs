@@ -1,7 +1,7 @@
 //! One cell: its bytes as a number, or what else it is.
 
 use super::grouped::grouped;
-use crate::{CellFinding, sentinels};
+use crate::{CellFinding, refuse_if, sentinels};
 use std::io::Write as _;
 
 /// The minus sign of typography, U+2212, which spreadsheets and `matplotlib` write.
@@ -24,17 +24,11 @@ impl CellReader {
     /// The finite number in a cell whose decimal point is `point`, times 10^`power` and rounded once, or what is wrong with it.
     pub fn read(&mut self, cell: &[u8], point: u8, power: i32) -> Result<f64, CellFinding> {
         let cell = cell.trim_ascii();
-        if cell.is_empty() {
-            return Err(CellFinding::Missing);
-        }
+        refuse_if(cell.is_empty(), || CellFinding::Missing)?;
         // PicoScope writes what is beyond its range like this.
         let unsigned = cell.strip_prefix(b"-").or_else(|| cell.strip_prefix(MINUS)).unwrap_or(cell);
-        if unsigned == b"\xe2\x88\x9e" {
-            return Err(CellFinding::Infinite(excerpt(cell)));
-        }
-        if point != b'.' && cell.contains(&b'.') {
-            return Err(CellFinding::Text(excerpt(cell)));
-        }
+        refuse_if(unsigned == b"\xe2\x88\x9e", || CellFinding::Infinite(excerpt(cell)))?;
+        refuse_if(point != b'.' && cell.contains(&b'.'), || CellFinding::Text(excerpt(cell)))?;
         self.scratch.clear();
         let mut rest = cell;
         while let Some((byte, behind)) = rest.split_first() {
@@ -50,9 +44,7 @@ impl CellReader {
             let no_value = sentinels::of_word(cell, || excerpt(cell));
             return Err(no_value.unwrap_or_else(|| CellFinding::Text(excerpt(cell))));
         };
-        if number.is_nan() {
-            return Err(CellFinding::Nan(excerpt(cell)));
-        }
+        refuse_if(number.is_nan(), || CellFinding::Nan(excerpt(cell)))?;
         if let Some(no_value) = sentinels::of_number(number, || excerpt(cell)) {
             return Err(no_value);
         }

@@ -1,9 +1,8 @@
 //! The bytes of a text file in large pieces, hashed as they are read.
 
 use super::utf16::Utf16;
-use crate::{Digest, FormatError};
+use crate::{Digest, Result, limits};
 use sha2::{Digest as _, Sha256};
-use std::fmt::Write as _;
 use std::io::{ErrorKind, Read};
 
 /// As much as is read at once.
@@ -74,7 +73,7 @@ impl CsvInput {
     }
 
     /// Reads on until there is another whole line; whether there was anything more. What is not taken stays.
-    pub(super) fn more(&mut self) -> Result<bool, FormatError> {
+    pub(super) fn more(&mut self) -> Result<bool> {
         if self.ended {
             return Ok(false);
         }
@@ -83,14 +82,7 @@ impl CsvInput {
         self.whole -= self.start;
         self.start = 0;
         loop {
-            if self.end > LONGEST_ROW {
-                return Err(FormatError::TooLarge {
-                    format: "CSV",
-                    what: "the length of a row in bytes".to_owned(),
-                    found: self.end as u64,
-                    limit: LONGEST_ROW as u64,
-                });
-            }
+            limits::at_most("CSV", "the length of a row in bytes", self.end, LONGEST_ROW)?;
             if self.buffer.len() < self.end + PIECE + 1 {
                 self.buffer.resize(2 * (self.end + PIECE), 0);
             }
@@ -118,7 +110,7 @@ impl CsvInput {
     }
 
     /// Reads some bytes behind those that are read; how many came from the reader, none at the end.
-    fn fill(&mut self) -> Result<usize, FormatError> {
+    fn fill(&mut self) -> Result<usize> {
         if let Some((decoder, raw)) = &mut self.wide {
             let (count, mut text) = (read(&mut self.reader, raw, &mut self.hash)?, Vec::new());
             decoder.decode(raw.get(..count).unwrap_or_default(), &mut text);
@@ -170,24 +162,12 @@ impl CsvInput {
 
     /// The digest of all bytes, once they are read.
     pub(super) fn digest(&self) -> Option<Digest> {
-        if !self.ended {
-            return None;
-        }
-        let mut sha256 = String::new();
-        for byte in self.hash.clone().finalize() {
-            // Writing to a string cannot fail.
-            let _ = write!(sha256, "{byte:02x}");
-        }
-        Some(Digest { sha256, bytes: self.bytes })
+        self.ended.then(|| Digest::new(self.hash.clone(), self.bytes))
     }
 }
 
 /// Reads some bytes and hashes them; none at the end.
-fn read(
-    reader: &mut Box<dyn Read + Send>,
-    buffer: &mut [u8],
-    hash: &mut Sha256,
-) -> Result<usize, FormatError> {
+fn read(reader: &mut Box<dyn Read + Send>, buffer: &mut [u8], hash: &mut Sha256) -> Result<usize> {
     loop {
         match reader.read(buffer) {
             Ok(count) => {
@@ -203,6 +183,7 @@ fn read(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::FormatError;
 
     /// Gives a few bytes at a time, as pipes do.
     struct Drops(Vec<u8>, usize, usize);

@@ -6,10 +6,11 @@ use super::input::CsvInput;
 use super::later::LaterWaveforms;
 use super::number::quick;
 use super::split::{BLANKS, Split};
+use crate::block::push_label;
 use crate::table::refuse_apart;
 use crate::{
-    Block, CellFault, CellFinding, Digest, FormatError, Table, TableDescription, TimeKind, TimeReader,
-    TimeUnit, WantedColumn, sentinels,
+    Block, CellFault, CellFinding, Digest, Result, Table, TableDescription, TimeKind, TimeReader, TimeUnit,
+    WantedColumn, sentinels,
 };
 
 /// As much text is gone through for one block, so that a block does not take long where rows are left out.
@@ -36,29 +37,6 @@ impl CellUse {
     }
 }
 
-/// Where the numbers of a wanted column come from.
-#[derive(Clone, Copy, Debug)]
-enum NumberSource {
-    /// The cell with this number among those that are read as numbers.
-    Cell(usize),
-    /// That cell times a step after a start.
-    Affine { cell: usize, start: f64, step: f64 },
-    /// Rows of the record, counted from 0, times a step after a start.
-    Counted { start: f64, step: f64 },
-    /// The number of the record.
-    Record,
-}
-
-/// Where the labels of a wanted column come from.
-#[derive(Clone, Copy, Debug)]
-enum LabelSource {
-    Cell(usize),
-    /// The number of the record.
-    Record,
-    /// A column that is computed has none.
-    Nothing,
-}
-
 pub(super) struct CsvTable {
     input: CsvInput,
     dialect: Dialect,
@@ -67,8 +45,8 @@ pub(super) struct CsvTable {
     uses: Vec<CellUse>,
     /// What is wanted; one for each wanted column of numbers, and one for each of labels.
     wanted: Vec<WantedColumn>,
-    values: Vec<NumberSource>,
-    labels: Vec<LabelSource>,
+    values: Vec<ColumnOrigin>,
+    labels: Vec<ColumnOrigin>,
     /// Reads the cells that are times.
     times: TimeReader,
     /// The cells that are labels, in their order.
@@ -174,29 +152,27 @@ impl CsvTable {
         }
     }
 
-    fn origin(&self, column: usize) -> Option<ColumnOrigin> {
-        self.dialect.columns.get(column).map(|column| column.origin)
+    /// Where the values of a column come from; of one that is not there from a cell that no row has.
+    fn origin(&self, column: usize) -> ColumnOrigin {
+        self.dialect.columns.get(column).map_or(ColumnOrigin::Cell(usize::MAX), |column| column.origin)
     }
 
-    /// Where the numbers of a column come from, which count this unit.
-    fn value(&self, column: usize, unit: TimeUnit) -> NumberSource {
+    /// Where the numbers of a column come from, which count this unit; the cell is that among those that are read as numbers.
+    fn value(&self, column: usize, unit: TimeUnit) -> ColumnOrigin {
         let number_of = |cell: usize| self.uses.iter().take(cell).filter(|usage| usage.is_number()).count();
         let (decimal, factor) = (10_f64.powi(unit.power), f64::from(unit.factor));
         match self.origin(column) {
-            Some(ColumnOrigin::Cell(cell) | ColumnOrigin::Later { cell, .. }) => {
-                NumberSource::Cell(number_of(cell))
+            ColumnOrigin::Cell(cell) | ColumnOrigin::Later { cell, .. } => {
+                ColumnOrigin::Cell(number_of(cell))
             }
-            Some(ColumnOrigin::Affine { cell, start, step }) => NumberSource::Affine {
-                cell: number_of(cell),
-                start: start * decimal * factor,
-                step: step * factor,
-            },
-            Some(ColumnOrigin::Counted { start, step }) => {
-                NumberSource::Counted { start: start * decimal * factor, step: step * decimal * factor }
+            ColumnOrigin::Affine { cell, start, step } => {
+                let (start, step) = (start * decimal * factor, step * factor);
+                ColumnOrigin::Affine { cell: number_of(cell), start, step }
             }
-            Some(ColumnOrigin::Record) => NumberSource::Record,
-            // A column that is not there has no numbers.
-            None => NumberSource::Cell(usize::MAX),
+            ColumnOrigin::Counted { start, step } => {
+                ColumnOrigin::Counted { start: start * decimal * factor, step: step * decimal * factor }
+            }
+            ColumnOrigin::Record => ColumnOrigin::Record,
         }
     }
 
@@ -235,10 +211,9 @@ impl CsvTable {
                 let (start, end) = self.stretches.get(of).copied()?;
                 text.get(start..end).map(<[u8]>::trim_ascii)
             };
-            push_row(block, &self.numbers, &self.values, &self.record);
-            push_labels(block, &self.labels, &self.record, |cell| stretch(cell).unwrap_or_default());
-            push_line(block, self.line);
-            block.rows += 1;
+            let sources = (&self.values[..], &self.labels[..]);
+            let cell = |cell: usize| stretch(cell).unwrap_or_default();
+            push_row(block, (&self.numbers, self.line), sources, &self.record, cell);
             self.record.next_row(record_rows);
             self.line += 1;
         }
@@ -249,16 +224,19 @@ impl CsvTable {
     /// Whether it is known where the times count from, if there are any. Those that are plain numbers are read as such from
     /// then on.
     fn settle_times(&mut self) -> bool {
-        let Some(usage) = self.uses.iter_mut().find(|usage| usage.time) else { return true };
-        if self.times.is_plain() {
-            (usage.power, usage.time) = (Some(self.times.power()), false);
-            usage.limit = f64::INFINITY;
+        let mut is_settled = true;
+        for usage in self.uses.iter_mut().filter(|usage| usage.time) {
+            if self.times.is_plain() {
+                (usage.power, usage.time) = (Some(self.times.power()), false);
+                usage.limit = f64::INFINITY;
+            }
+            is_settled = self.times.origin().is_some();
         }
-        self.times.origin().is_some()
+        is_settled
     }
 
     /// Reads one row of any kind.
-    fn slow_row(&mut self, block: &mut Block) -> Result<RowOutcome, FormatError> {
+    fn slow_row(&mut self, block: &mut Block) -> Result<RowOutcome> {
         let extent = loop {
             let text = self.input.lines();
             if !text.is_empty()
@@ -307,7 +285,7 @@ impl CsvTable {
     }
 
     /// Passes over a header between records, if the row that is split is the first line of one.
-    fn pass_header(&mut self) -> Result<bool, FormatError> {
+    fn pass_header(&mut self) -> Result<bool> {
         let RecordShape::Headed(heading) = self.dialect.text.records else { return Ok(false) };
         if !Heading::begins(self.split.cell(0)) {
             return Ok(false);
@@ -336,13 +314,7 @@ impl CsvTable {
         let row = self.line > self.dialect.first_row_line && self.blank.1 == 0;
         if self.input.open_end() && row && !self.end_is_told {
             self.end_is_told = true;
-            let fault = CellFault {
-                row: block.rows,
-                line: self.line - 1,
-                column: None,
-                fault: CellFinding::NoLineEnd,
-            };
-            block.faults.push(fault);
+            block.faults.push(CellFault::of_line(block.rows, self.line - 1, CellFinding::NoLineEnd));
         }
     }
 
@@ -353,23 +325,10 @@ impl CsvTable {
         for want in &self.wanted {
             match *want {
                 WantedColumn::Number { column, power } => {
-                    let value = self.value(column, TimeUnit::decimal(power));
-                    self.values.push(value);
+                    self.values.push(self.value(column, TimeUnit::decimal(power)));
                 }
-                WantedColumn::Time { column, unit, .. } => {
-                    let value = self.value(column, unit);
-                    self.values.push(value);
-                }
-                WantedColumn::Label { column } => self.labels.push(match self.origin(column) {
-                    Some(ColumnOrigin::Cell(cell) | ColumnOrigin::Affine { cell, .. }) => {
-                        LabelSource::Cell(cell)
-                    }
-                    Some(ColumnOrigin::Record) => LabelSource::Record,
-                    // Refused by `want`.
-                    Some(ColumnOrigin::Later { .. } | ColumnOrigin::Counted { .. }) | None => {
-                        LabelSource::Nothing
-                    }
-                }),
+                WantedColumn::Time { column, unit, .. } => self.values.push(self.value(column, unit)),
+                WantedColumn::Label { column } => self.labels.push(self.origin(column)),
             }
         }
     }
@@ -449,10 +408,8 @@ impl CsvTable {
                 f64::NAN
             }));
         }
-        push_row(block, &self.numbers, &self.values, &self.record);
-        push_labels(block, &self.labels, &self.record, |cell| self.split.cell(cell));
-        push_line(block, self.line);
-        block.rows += 1;
+        let sources = (&self.values[..], &self.labels[..]);
+        push_row(block, (&self.numbers, self.line), sources, &self.record, |cell| self.split.cell(cell));
         self.record.next_row(self.dialect.text.record_rows());
     }
 }
@@ -466,14 +423,14 @@ impl Table for CsvTable {
         self.dialect.text.header_line
     }
 
-    fn want(&mut self, wanted: &[WantedColumn]) -> Result<(), FormatError> {
+    fn want(&mut self, wanted: &[WantedColumn]) -> Result<()> {
         let columns = wanted.iter().filter_map(|want| self.description.columns.get(want.column()));
         refuse_apart(self.description.format, columns)?;
-        self.later = LaterWaveforms::of(wanted, self.dialect.first_row_line, |column| self.origin(column))?;
+        let (later, all) = LaterWaveforms::of(wanted, &self.dialect)?;
+        self.later = later;
         self.uses.fill(CellUse::default());
-        self.labels.clear();
-        for want in wanted {
-            let cell = self.origin(want.column()).and_then(ColumnOrigin::cell);
+        for want in &all {
+            let cell = self.origin(want.column()).cell();
             let usage = cell.and_then(|cell| self.uses.get_mut(cell));
             match (want, usage) {
                 (WantedColumn::Number { power, .. }, Some(usage)) => {
@@ -483,17 +440,17 @@ impl Table for CsvTable {
                 // The header's own clock counts from where it says.
                 (WantedColumn::Time { column, unit, .. }, Some(usage)) => {
                     let origin = self.dialect.columns.get(*column).map(|column| column.origin);
-                    if matches!(origin, Some(ColumnOrigin::Cell(_))) {
-                        usage.time = true;
-                    } else {
+                    if matches!(origin, Some(ColumnOrigin::Affine { .. })) {
                         (usage.power, usage.limit) = (Some(unit.power), f64::INFINITY);
+                    } else {
+                        usage.time = true;
                     }
                 }
                 (WantedColumn::Label { .. }, Some(usage)) => usage.label = true,
                 (_, None) => {}
             }
         }
-        self.wanted = wanted.to_vec();
+        self.wanted = all;
         self.bind();
         if let Some((column, unit, origin)) = WantedColumn::time(wanted, self.description.format)? {
             self.times = match self.time_kind(column) {
@@ -506,7 +463,7 @@ impl Table for CsvTable {
         Ok(())
     }
 
-    fn read(&mut self, block: &mut Block) -> Result<(), FormatError> {
+    fn read(&mut self, block: &mut Block) -> Result<()> {
         block.clear(self.values.len(), self.labels.len());
         let read = self.rows_into(block);
         if read.is_ok() && !self.later.is_none() {
@@ -514,16 +471,14 @@ impl Table for CsvTable {
             if block.is_end() {
                 for _ in 0..self.later.rows_behind(block.capacity) {
                     self.numbers.fill(f64::NAN);
-                    push_row(block, &self.numbers, &self.values, &self.record);
-                    push_labels(block, &self.labels, &self.record, |_| b"");
-                    push_line(block, self.line);
-                    block.rows += 1;
+                    let sources = (&self.values[..], &self.labels[..]);
+                    push_row(block, (&self.numbers, self.line), sources, &self.record, |_| b"");
                     self.line += 1;
                     self.record.next_row(None);
                 }
                 self.later.leave_out_others(block);
             }
-            self.later.shift(block);
+            self.later.shift(block)?;
         }
         block.set_times(&self.times);
         read
@@ -544,7 +499,7 @@ impl Table for CsvTable {
 
 impl CsvTable {
     /// Reads rows until the block is full.
-    fn rows_into(&mut self, block: &mut Block) -> Result<(), FormatError> {
+    fn rows_into(&mut self, block: &mut Block) -> Result<()> {
         let (begin, _) = self.input.progress();
         let blanks = self.dialect.text.separator == BLANKS;
         loop {
@@ -558,8 +513,8 @@ impl CsvTable {
                 RowOutcome::End => {
                     let (line, count) = std::mem::take(&mut self.empty);
                     if count > 0 {
-                        let (row, fault) = (block.rows, CellFinding::BlankLines { count });
-                        block.faults.push(CellFault { row, line, column: None, fault });
+                        let blank = CellFinding::BlankLines { count };
+                        block.faults.push(CellFault::of_line(block.rows, line, blank));
                     }
                     self.tell_open_end(block);
                     return Ok(());
@@ -578,7 +533,7 @@ fn tell_together(block: &mut Block, line: u64, add: impl Fn(&mut CellFinding) ->
     let row = block.rows;
     let mut same = block.faults.iter_mut().rev().take_while(|fault| fault.row == row);
     if !same.any(|told| add(&mut told.fault)) {
-        block.faults.push(CellFault { row, line, column: None, fault });
+        block.faults.push(CellFault::of_line(row, line, fault));
     }
 }
 
@@ -672,42 +627,35 @@ fn skip_blanks(text: &[u8], mut place: usize) -> usize {
     place
 }
 
+/// Adds a row, whose numbers were read in a line, with what the wanted columns of numbers and of labels come from.
 #[inline]
-fn push_row(block: &mut Block, numbers: &[f64], values: &[NumberSource], record: &RecordPlace) {
-    for (column, value) in block.numbers.iter_mut().zip(values) {
-        column.push(match *value {
-            NumberSource::Cell(cell) => numbers.get(cell).copied().unwrap_or(f64::NAN),
-            NumberSource::Affine { cell, start, step } => {
-                start + numbers.get(cell).copied().unwrap_or(f64::NAN) * step
-            }
-            NumberSource::Counted { start, step } => start + record.row as f64 * step,
-            NumberSource::Record => record.number as f64,
-        });
-    }
-}
-
-#[inline]
-fn push_labels<'a>(
+fn push_row<'a>(
     block: &mut Block,
-    labels: &[LabelSource],
+    (numbers, line): (&[f64], u64),
+    (values, labels): (&[ColumnOrigin], &[ColumnOrigin]),
     record: &'a RecordPlace,
     cell: impl Fn(usize) -> &'a [u8],
 ) {
+    let number = |cell: usize| numbers.get(cell).copied().unwrap_or(f64::NAN);
+    for (column, value) in block.numbers.iter_mut().zip(values) {
+        column.push(match *value {
+            ColumnOrigin::Cell(cell) | ColumnOrigin::Later { cell, .. } => number(cell),
+            ColumnOrigin::Affine { cell, start, step } => start + number(cell) * step,
+            ColumnOrigin::Counted { start, step } => start + record.row as f64 * step,
+            ColumnOrigin::Record => record.number as f64,
+        });
+    }
     for (runs, label) in block.labels.iter_mut().zip(labels) {
         let label = match *label {
-            LabelSource::Cell(index) => cell(index),
-            LabelSource::Record => &record.label,
-            LabelSource::Nothing => b"",
+            ColumnOrigin::Cell(index) | ColumnOrigin::Affine { cell: index, .. } => cell(index),
+            ColumnOrigin::Record => &record.label,
+            // What is computed has none, and what begins later is refused by `want`.
+            ColumnOrigin::Later { .. } | ColumnOrigin::Counted { .. } => b"",
         };
-        if runs.last().is_none_or(|(_, last)| last != label) {
-            runs.push((block.rows, label.to_vec()));
-        }
+        push_label(runs, block.rows, label);
     }
-}
-
-#[inline]
-fn push_line(block: &mut Block, line: u64) {
     if block.line_of(block.rows) != Some(line) {
         block.lines.push((block.rows, line));
     }
+    block.rows += 1;
 }

@@ -1,5 +1,7 @@
 //! UTF-16 as UTF-8, piece by piece.
 
+use crate::records::utf16;
+
 /// Reads UTF-16 whose bytes come in pieces of any length. Half a pair becomes the sign for
 /// what is no character; what is left of one at the end is dropped with the line that it cuts.
 #[derive(Debug)]
@@ -23,16 +25,12 @@ impl Utf16 {
     /// Appends what some bytes say; at most three bytes for two, and for those that waited.
     pub(super) fn decode(&mut self, bytes: &[u8], out: &mut Vec<u8>) {
         self.rest.extend_from_slice(bytes);
-        let unit = |pair: &[u8; 2]| {
-            if self.big_endian { u16::from_be_bytes(*pair) } else { u16::from_le_bytes(*pair) }
-        };
-        let mut units: Vec<u16> = self.rest.as_chunks().0.iter().map(unit).collect();
-        units.pop_if(|last| (0xd800..0xdc00).contains(last));
-        self.rest.drain(..2 * units.len());
-        for letter in char::decode_utf16(units) {
-            let letter = letter.unwrap_or(char::REPLACEMENT_CHARACTER);
-            out.extend_from_slice(letter.encode_utf8(&mut [0; 4]).as_bytes());
-        }
+        let units = self.rest.as_chunks::<2>().0;
+        // The first unit of a pair waits for the second.
+        let waits = units.last().is_some_and(|unit| unit[usize::from(!self.big_endian)] & 0xfc == 0xd8);
+        let whole = 2 * (units.len() - usize::from(waits));
+        out.extend_from_slice(utf16(&self.rest[..whole], self.big_endian).as_bytes());
+        self.rest.drain(..whole);
     }
 }
 

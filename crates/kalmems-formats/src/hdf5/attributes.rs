@@ -1,13 +1,13 @@
 //! The attributes of an object (HDF5 File Format Specification, section IV.A.2.m).
 
+use super::FORMAT;
 use super::datatype::{self, DatatypeKind as Type};
 use super::file::{Hdf5File, MetadataCursor};
 use super::header::{self, MessageKind, ObjectHeader};
-use super::heap::{FractalHeap, HeapTexts};
-use super::tree;
+use super::heap::{self, HeapTexts};
 use crate::element::ExactNumber;
 use crate::records::TextEncoding;
-use crate::{FormatError, limits};
+use crate::{FormatError, Result, limits, refuse_if};
 
 /// Elements of an attribute; one with more is no unit, name or factor.
 const ELEMENTS: u64 = 4096;
@@ -26,36 +26,16 @@ pub(super) enum AttributeValue {
 pub(super) struct Attributes(Vec<(String, AttributeValue)>);
 
 impl Attributes {
-    pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Self, FormatError> {
+    pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Self> {
         let mut all = Self::default();
-        header.each(file, MessageKind::Attribute, |cursor| all.push(attribute(file, cursor)?))?;
-        if let Some((heap, names)) = header.dense(file, MessageKind::AttributeInfo, 2)? {
-            let mut heap = FractalHeap::read(file, heap)?;
-            tree::newer(file, names, &mut |kind, record| {
-                if kind != 8 && kind != 9 {
-                    return Err(record.damaged(format!("a tree of kind {kind}"), "8 or 9, of attributes"));
-                }
-                let place = record.place();
-                let id = record.take(heap.id_bytes)?;
-                match heap.object(id)? {
-                    Some(body) => all.push(attribute(file, &mut file.cursor(&body, place))?),
-                    None => Ok(()),
-                }
-            })?;
-        }
+        let mut read = |cursor: &mut MetadataCursor<'_>| {
+            let what = "the number of attributes of an object";
+            limits::push(FORMAT, what, &mut all.0, attribute(file, cursor)?)
+        };
+        header.each(file, MessageKind::Attribute, &mut read)?;
+        let skip = |kind| if kind == 8 || kind == 9 { Some(0) } else { None };
+        heap::each_dense(file, header, MessageKind::AttributeInfo, (2, &skip), &mut read)?;
         Ok(all)
-    }
-
-    fn push(&mut self, attribute: (String, AttributeValue)) -> Result<(), FormatError> {
-        let count = self.0.len() as u64 + 1;
-        limits::at_most(
-            super::FORMAT,
-            "the number of attributes of an object",
-            count,
-            limits::COLUMNS as u64,
-        )?;
-        self.0.push(attribute);
-        Ok(())
     }
 
     pub(super) fn get(&self, name: &str) -> Option<&AttributeValue> {
@@ -124,7 +104,7 @@ pub(super) struct Dataspace {
 }
 
 impl Dataspace {
-    pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<Self, FormatError> {
+    pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<Self> {
         let (version, axes, flags) = (cursor.u8()?, usize::from(cursor.u8()?), cursor.u8()?);
         let none = match version {
             1 => {
@@ -134,9 +114,7 @@ impl Dataspace {
             2 => cursor.u8()? == 2,
             _ => return Err(cursor.damaged(format!("version {version} of a shape"), "1 or 2")),
         };
-        if axes > 32 {
-            return Err(cursor.damaged(format!("{axes} axes"), "at most 32"));
-        }
+        refuse_if(axes > 32, || cursor.damaged(format!("{axes} axes"), "at most 32"))?;
         let shape = (0..axes).map(|_| cursor.u64()).collect::<Result<Vec<_>, _>>()?;
         let endless = u64::MAX;
         let most = if flags & 1 != 0 {
@@ -156,14 +134,11 @@ impl Dataspace {
     }
 }
 
-fn attribute(
-    file: &Hdf5File,
-    cursor: &mut MetadataCursor<'_>,
-) -> Result<(String, AttributeValue), FormatError> {
+fn attribute(file: &Hdf5File, cursor: &mut MetadataCursor<'_>) -> Result<(String, AttributeValue)> {
     let (version, flags) = (cursor.u8()?, cursor.u8()?);
-    if !(1..=3).contains(&version) {
-        return Err(cursor.damaged(format!("version {version} of an attribute"), "1 to 3"));
-    }
+    refuse_if(!(1..=3).contains(&version), || {
+        cursor.damaged(format!("version {version} of an attribute"), "1 to 3")
+    })?;
     let lengths = [usize::from(cursor.u16()?), usize::from(cursor.u16()?), usize::from(cursor.u16()?)];
     if version == 3 {
         cursor.skip(1)?;
@@ -199,20 +174,20 @@ fn value(
     cursor: &mut MetadataCursor<'_>,
     element: &Type,
     count: u64,
-) -> Result<AttributeValue, FormatError> {
+) -> Result<AttributeValue> {
     Ok(match element {
         Type::Number(element) => {
             let numbers = (0..count).map(|_| Ok(element.exact(cursor.take(element.bytes)?)));
-            AttributeValue::Numbers(numbers.collect::<Result<_, FormatError>>()?)
+            AttributeValue::Numbers(numbers.collect::<Result<_>>()?)
         }
         Type::Text { bytes } => {
             let texts = (0..count).map(|_| Ok(text(cursor.take(*bytes)?)));
-            AttributeValue::Texts(texts.collect::<Result<_, FormatError>>()?)
+            AttributeValue::Texts(texts.collect::<Result<_>>()?)
         }
         Type::Texts => {
             let mut heap = HeapTexts::new(file);
             let texts = (0..count).map(|_| Ok(text(&heap.text(cursor)?)));
-            AttributeValue::Texts(texts.collect::<Result<_, FormatError>>()?)
+            AttributeValue::Texts(texts.collect::<Result<_>>()?)
         }
         _ => AttributeValue::Other,
     })

@@ -6,7 +6,7 @@ use super::file::Hdf5File;
 use super::filters::{self, DatasetFilter};
 use super::layout::{Chunk, Chunked};
 use crate::records::RecordLane;
-use crate::{FormatError, limits};
+use crate::{FormatError, Result, limits, refuse_if};
 use std::sync::Arc;
 
 /// Bytes of a chunk, and of the chunks side by side that are held together.
@@ -30,23 +30,17 @@ pub(super) struct ChunkGrid {
 
 impl ChunkGrid {
     /// Refuses chunks that are too large, too many, or none.
-    pub(super) fn check(&self, place: &str) -> Result<(), FormatError> {
-        let damaged =
-            |found: String| FormatError::damaged(FORMAT, place, found, "chunks of at least one element");
-        if self.chunk_rows == 0 || self.chunk_columns == 0 || self.element == 0 {
-            return Err(damaged("chunks without an element".to_owned()));
-        }
+    pub(super) fn check(&self, place: &str) -> Result<()> {
+        refuse_if(self.chunk_rows == 0 || self.chunk_columns == 0 || self.element == 0, || {
+            FormatError::damaged(FORMAT, place, "chunks without an element", "at least one in each")
+        })?;
         let element = self.element as u64;
         let chunk = self.chunk_rows.saturating_mul(self.chunk_columns).saturating_mul(element);
         let repack = "repack it, for instance with h5repack -l CHUNK=16384";
         limits::at_most(FORMAT, &format!("the bytes of a chunk of `{place}` ({repack})"), chunk, BAND_BYTES)?;
         let band = self.chunk_rows.saturating_mul(self.columns).saturating_mul(element);
-        limits::at_most(
-            FORMAT,
-            &format!("the bytes of the chunks beside each other of `{place}` ({repack})"),
-            band,
-            BAND_BYTES,
-        )?;
+        let what = format!("the bytes of the chunks beside each other of `{place}` ({repack})");
+        limits::at_most(FORMAT, &what, band, BAND_BYTES)?;
         let chunks =
             self.rows.div_ceil(self.chunk_rows).saturating_mul(self.columns.div_ceil(self.chunk_columns));
         limits::at_most(FORMAT, &format!("the number of chunks of `{place}` ({repack})"), chunks, CHUNKS)
@@ -86,7 +80,7 @@ impl ChunkLane {
     }
 
     /// Looks up where the chunks are.
-    fn locate(&mut self) -> Result<(), FormatError> {
+    fn locate(&mut self) -> Result<()> {
         let grid = &self.grid;
         let across = grid.columns.div_ceil(grid.chunk_columns);
         let count = grid.rows.div_ceil(grid.chunk_rows) * across;
@@ -95,10 +89,9 @@ impl ChunkLane {
         self.chunked.visit(&self.file, &self.space, grid.chunk_bytes() as u64, &mut |chunk| {
             let [first, second] = chunk.first;
             let (row, column) = if grid.turned { (second, first) } else { (first, second) };
-            if row % grid.chunk_rows != 0 || column % grid.chunk_columns != 0 {
-                return Err(self
-                    .damaged(format!("a chunk at ({first}, {second})"), "one at a multiple of its lengths"));
-            }
+            refuse_if(row % grid.chunk_rows != 0 || column % grid.chunk_columns != 0, || {
+                self.damaged(format!("a chunk at ({first}, {second})"), "one at a multiple of its lengths")
+            })?;
             // Chunks beyond the extent are left over from a larger one.
             if column >= grid.columns || row >= grid.rows {
                 return Ok(());
@@ -116,7 +109,7 @@ impl ChunkLane {
     }
 
     /// Unpacks the chunks side by side that hold a row.
-    fn unpack(&mut self, number: u64) -> Result<(), FormatError> {
+    fn unpack(&mut self, number: u64) -> Result<()> {
         let grid = self.grid.clone();
         if self.progress.chunks.is_empty() {
             self.locate()?;
@@ -129,17 +122,11 @@ impl ChunkLane {
         self.progress.band.resize(chunk_rows * columns * element, 0);
         for beside in 0..across {
             let place = self.progress.chunks.get(small(number * across + beside)).copied().flatten();
-            let Some(place) = place else {
-                return Err(FormatError::unsupported(
-                    FORMAT,
-                    format!(
-                        "`{}`, whose rows from {} on were never written,",
-                        self.path,
-                        number * grid.chunk_rows + 1
-                    ),
-                    "write all of its values",
-                ));
-            };
+            let place = place.ok_or_else(|| {
+                let first = number * grid.chunk_rows + 1;
+                let what = format!("`{}`, whose rows from {first} on were never written,", self.path);
+                FormatError::unsupported(FORMAT, what, "write all of its values")
+            })?;
             let chunk = self.chunk(place)?;
             let first = small(beside) * chunk_columns;
             let width = chunk_columns.min(columns - first);
@@ -162,22 +149,14 @@ impl ChunkLane {
         Ok(())
     }
 
-    fn chunk(&self, place: Chunk) -> Result<Vec<u8>, FormatError> {
+    fn chunk(&self, place: Chunk) -> Result<Vec<u8>> {
         let bytes = self.grid.chunk_bytes();
         // What does not pack is a little longer than it was.
-        limits::at_most(
-            FORMAT,
-            "the bytes of a packed chunk",
-            place.bytes,
-            bytes as u64 + bytes as u64 / 8 + 4096,
-        )?;
-        #[allow(clippy::cast_possible_truncation)] // bounded by the line above
-        let packed = self.file.source.bytes(FORMAT, place.address, place.bytes as usize)?;
+        limits::at_most(FORMAT, "the bytes of a packed chunk", place.bytes, bytes + bytes / 8 + 4096)?;
+        let packed = self.file.source.bytes(FORMAT, place.address, place.bytes)?;
         filters::undo(&self.filters, place.mask, self.grid.element, bytes, packed).map_err(|found| {
-            self.damaged(
-                format!("in its chunk at byte {} {found}", place.address),
-                "a chunk as it was written",
-            )
+            let found = format!("in its chunk at byte {} {found}", place.address);
+            self.damaged(found, "a chunk as it was written")
         })
     }
 }
@@ -191,7 +170,7 @@ impl RecordLane for ChunkLane {
         self.filters.iter().find_map(|filter| filter.protection())
     }
 
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<()> {
         out.clear();
         let record = self.record();
         let mut missing = rows;

@@ -3,7 +3,7 @@
 use super::file::MetadataCursor;
 use crate::element::{self, Element};
 use crate::records::{StoredCell, TextEncoding};
-use crate::{FormatError, limits};
+use crate::{Result, limits, refuse_if};
 
 /// Types within one another.
 const DEPTH: usize = 8;
@@ -60,14 +60,12 @@ impl DatatypeKind {
 }
 
 /// Reads a type.
-pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<DatatypeKind, FormatError> {
+pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<DatatypeKind> {
     kind(cursor, DEPTH)
 }
 
-fn kind(cursor: &mut MetadataCursor<'_>, depth: usize) -> Result<DatatypeKind, FormatError> {
-    if depth == 0 {
-        return Err(cursor.damaged("types within one another", "no more than eight of them"));
-    }
+fn kind(cursor: &mut MetadataCursor<'_>, depth: usize) -> Result<DatatypeKind> {
+    refuse_if(depth == 0, || cursor.damaged("types within one another", "no more than eight of them"))?;
     let head = cursor.u8()?;
     let (class, version) = (head & 15, head >> 4);
     #[allow(clippy::cast_possible_truncation)] // three bytes
@@ -135,7 +133,7 @@ fn number(kind: element::ElementKind, bytes: usize, big_endian: bool) -> Datatyp
 }
 
 /// Numbers of IEEE 754, as it lays out their bits.
-fn float(cursor: &mut MetadataCursor<'_>, bits: u32, bytes: usize) -> Result<DatatypeKind, FormatError> {
+fn float(cursor: &mut MetadataCursor<'_>, bits: u32, bytes: usize) -> Result<DatatypeKind> {
     let layout = [cursor.u16()?, cursor.u16()?];
     let places = cursor.take(4)?;
     let bias = cursor.u32()?;
@@ -162,7 +160,7 @@ fn float(cursor: &mut MetadataCursor<'_>, bits: u32, bytes: usize) -> Result<Dat
 }
 
 /// The name of a field or of a value of an enumeration.
-fn name(cursor: &mut MetadataCursor<'_>, version: u8) -> Result<String, FormatError> {
+fn name(cursor: &mut MetadataCursor<'_>, version: u8) -> Result<String> {
     let before = cursor.left();
     let name = cursor.name()?;
     if version < 3 {
@@ -178,7 +176,7 @@ fn compound(
     count: usize,
     bytes: usize,
     depth: usize,
-) -> Result<DatatypeKind, FormatError> {
+) -> Result<DatatypeKind> {
     let mut fields = Vec::with_capacity(count.min(limits::COLUMNS));
     for _ in 0..count {
         let name = name(cursor, version)?;
@@ -199,18 +197,16 @@ fn compound(
         };
         let inner = match kind(cursor, depth - 1)? {
             _ if axes > 0 => DatatypeKind::Other("an array in each row"),
+            inner if offset.checked_add(inner.bytes()).is_none_or(|end| end > bytes) => {
+                DatatypeKind::Other("a field beyond its record")
+            }
             DatatypeKind::Fields { fields, .. } if is_complex(&fields) => {
                 DatatypeKind::Other("complex numbers")
             }
             DatatypeKind::Fields { .. } => DatatypeKind::Other("fields within a field"),
             inner => inner,
         };
-        let fits = offset.checked_add(inner.bytes()).is_some_and(|end| end <= bytes);
-        fields.push((
-            name,
-            offset,
-            if fits { inner } else { DatatypeKind::Other("a field beyond its record") },
-        ));
+        fields.push((name, offset, inner));
     }
     Ok(match bytes {
         0 => DatatypeKind::Other("fields without bytes"),

@@ -5,7 +5,7 @@ use super::checksum::checksum;
 use super::{FORMAT, NEW_FILE, unsupported};
 pub(super) use crate::cursor::ByteCursor as MetadataCursor;
 use crate::source::SharedFile;
-use crate::{FormatError, limits};
+use crate::{FormatError, Result, limits, refuse_if};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -33,7 +33,7 @@ pub(super) struct Hdf5File {
 }
 
 impl Hdf5File {
-    pub(super) fn open(source: Arc<SharedFile>, name: Option<PathBuf>) -> Result<Self, FormatError> {
+    pub(super) fn open(source: Arc<SharedFile>, name: Option<PathBuf>) -> Result<Self> {
         let base = crate::open::hdf5_begin(&source)?.ok_or_else(|| {
             FormatError::damaged(FORMAT, "the file", "no beginning", "\\x89HDF at byte 0, 512, 1024, …")
         })?;
@@ -64,18 +64,12 @@ impl Hdf5File {
         if !is_old {
             check_sum(&mut cursor)?;
         }
-        let Some(root) = root else {
-            return Err(cursor.damaged("no address of the root group", "one"));
-        };
+        let root = root.ok_or_else(|| cursor.damaged("no address of the root group", "one"))?;
         let (length, end) = (file.source.length(), end.saturating_sub(stored_base).saturating_add(base));
-        if length < end {
-            return Err(FormatError::damaged(
-                FORMAT,
-                "the end of the file",
-                format!("{length} bytes"),
-                format!("{end}, as its beginning says: it was cut, or not closed"),
-            ));
-        }
+        refuse_if(length < end, || {
+            let expected = format!("{end}, as its beginning says: it was cut, or not closed");
+            FormatError::damaged(FORMAT, "the end of the file", format!("{length} bytes"), expected)
+        })?;
         file.root = root;
         Ok(file)
     }
@@ -86,30 +80,23 @@ impl Hdf5File {
     }
 
     /// Reads a block of metadata.
-    pub(super) fn block(&self, place: u64, bytes: u64) -> Result<Vec<u8>, FormatError> {
-        limits::at_most(
-            FORMAT,
-            &format!("the bytes of metadata at byte {place}"),
-            bytes,
-            limits::HEADER_BYTES,
-        )?;
+    pub(super) fn block(&self, place: u64, bytes: u64) -> Result<Vec<u8>> {
+        let what = format!("the bytes of metadata at byte {place}");
+        limits::at_most(FORMAT, &what, bytes, limits::HEADER_BYTES)?;
         let taken =
             self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes));
-        if taken.is_err() {
-            return Err(FormatError::TooLarge {
-                format: FORMAT,
-                what: "the metadata that have to be read, in bytes,".to_owned(),
-                found: self.most.saturating_add(bytes),
-                limit: self.most,
-            });
-        }
-        #[allow(clippy::cast_possible_truncation)] // at most HEADER_BYTES
-        self.source.bytes(FORMAT, place, bytes as usize)
+        refuse_if(taken.is_err(), || FormatError::TooLarge {
+            format: FORMAT,
+            what: "the metadata that have to be read, in bytes,".to_owned(),
+            found: self.most.saturating_add(bytes),
+            limit: self.most,
+        })?;
+        self.source.bytes(FORMAT, place, bytes)
     }
 }
 
 /// Compares the checksum that stands behind what was read of a block with that of it.
-pub(super) fn check_sum(cursor: &mut MetadataCursor<'_>) -> Result<(), FormatError> {
+pub(super) fn check_sum(cursor: &mut MetadataCursor<'_>) -> Result<()> {
     let found = checksum(cursor.behind());
     let stored = cursor.u32()?;
     // The fuzzer alters what is behind the checksum too.

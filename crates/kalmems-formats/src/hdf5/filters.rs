@@ -1,7 +1,7 @@
 //! What packs the chunks of an HDF5 dataset (HDF5 File Format Specification, version 3), undone.
 
 use super::file::MetadataCursor;
-use crate::FormatError;
+use crate::{Result, refuse_if};
 use flate2::{Decompress, FlushDecompress, Status};
 
 /// Filters of a dataset.
@@ -58,13 +58,11 @@ pub(super) fn name(id: u16) -> String {
 }
 
 /// The identifiers of the filters of a dataset, in the order in which they were applied.
-pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<Vec<u16>, FormatError> {
+pub(super) fn read(cursor: &mut MetadataCursor<'_>) -> Result<Vec<u16>> {
     let (version, count) = (cursor.u8()?, cursor.u8()?);
-    if !(1..=2).contains(&version) || count > FILTERS {
-        return Err(
-            cursor.damaged(format!("version {version} of {count} filters"), "version 1 or 2 of at most 32")
-        );
-    }
+    refuse_if(!(1..=2).contains(&version) || count > FILTERS, || {
+        cursor.damaged(format!("version {version} of {count} filters"), "version 1 or 2 of at most 32")
+    })?;
     if version == 1 {
         cursor.skip(6)?;
     }
@@ -112,13 +110,9 @@ fn inflate(packed: &[u8], limit: usize) -> Result<Vec<u8>, String> {
     let mut engine = Decompress::new(true);
     let status =
         engine.decompress(packed, &mut unpacked, FlushDecompress::Finish).map_err(|e| e.to_string())?;
-    if status != Status::StreamEnd {
-        return Err("packed bytes that unpack to more, or do not end".to_owned());
-    }
+    refuse_if(status != Status::StreamEnd, || "packed bytes that unpack to more, or do not end".to_owned())?;
     let left = packed.len() as u64 - engine.total_in();
-    if left > 0 {
-        return Err(format!("{left} bytes behind what is packed"));
-    }
+    refuse_if(left > 0, || format!("{left} bytes behind what is packed"))?;
     unpacked.truncate(usize::try_from(engine.total_out()).unwrap_or(limit));
     Ok(unpacked)
 }
@@ -185,9 +179,7 @@ fn lzf(packed: &[u8], limit: usize) -> Result<Vec<u8>, String> {
                 unpacked.push(unpacked[place]);
             }
         }
-        if unpacked.len() > limit {
-            return Err("packed bytes that unpack to more".to_owned());
-        }
+        refuse_if(unpacked.len() > limit, || "packed bytes that unpack to more".to_owned())?;
     }
     Ok(unpacked)
 }

@@ -2,12 +2,13 @@
 
 use super::file::{Hdf5File, LENGTH, MetadataCursor, check_sum};
 use super::{FORMAT, unsupported};
-use crate::{FormatError, limits};
+use crate::{Result, limits, refuse_if};
 
 /// Blocks that a header is continued in.
 const BLOCKS: usize = 4096;
-/// Messages of a header.
-const MESSAGES: usize = 1 << 16;
+
+/// Bytes before the messages of a header: its mark, four times, two numbers of attributes, and its length.
+const LONGEST_PREFIX: u64 = 6 + 16 + 4 + 8;
 
 /// The kinds of messages that are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,27 +42,24 @@ pub(super) struct ObjectHeader {
 }
 
 impl ObjectHeader {
-    pub(super) fn read(file: &Hdf5File, address: u64) -> Result<Self, FormatError> {
+    pub(super) fn read(file: &Hdf5File, address: u64) -> Result<Self> {
         let mut header = Self { messages: Vec::new() };
         let mut blocks: Vec<(u64, u64)> = Vec::new();
-        let start = file.block(address, 16.min(file.source.length().saturating_sub(address)))?;
+        let start = file.block(address, LONGEST_PREFIX.min(file.source.length().saturating_sub(address)))?;
         let mut cursor = file.cursor(&start, address);
         let newer = start.starts_with(b"OHDR");
         let mut ordered = false;
         if newer {
             cursor.mark(b"OHDR")?;
             let (version, flags) = (cursor.u8()?, cursor.u8()?);
-            if version != 2 {
-                return Err(cursor.damaged(format!("version {version} of an object's header"), "2"));
-            }
+            refuse_if(version != 2, || {
+                cursor.damaged(format!("version {version} of an object's header"), "2")
+            })?;
             ordered = flags & 4 != 0;
-            let width = 1_u64 << (flags & 3);
-            let prefix = 6 + if flags & 32 != 0 { 16 } else { 0 } + if flags & 16 != 0 { 4 } else { 0 };
-            let head = file.block(address, prefix + width)?;
-            let mut cursor = file.cursor(&head, address);
-            #[allow(clippy::cast_possible_truncation)] // at most 8
-            let bytes =
-                cursor.skip(usize::from(u8::try_from(prefix).unwrap_or(0)))?.number(width as usize)?;
+            let width = 1 << (flags & 3);
+            let prefix = if flags & 32 != 0 { 16 } else { 0 } + if flags & 16 != 0 { 4 } else { 0 };
+            let bytes = cursor.skip(prefix)?.number(width)?;
+            let (prefix, width) = (6 + prefix as u64, width as u64);
             let all = prefix.checked_add(width).and_then(|all| all.checked_add(bytes)?.checked_add(4));
             let all = all.ok_or_else(|| cursor.damaged(format!("a header of {bytes} bytes"), "fewer"))?;
             let block = file.block(address, all)?;
@@ -71,9 +69,9 @@ impl ObjectHeader {
             header.newer(&mut cursor, ordered, &mut blocks)?;
         } else {
             let version = cursor.u8()?;
-            if version != 1 {
-                return Err(cursor.damaged(format!("version {version} of an object's header"), "1 or 2"));
-            }
+            refuse_if(version != 1, || {
+                cursor.damaged(format!("version {version} of an object's header"), "1 or 2")
+            })?;
             let bytes = u64::from(cursor.skip(7)?.u32()?);
             let block = file.block(address + 16, bytes)?;
             header.older(&mut file.cursor(&block, address + 16), &mut blocks)?;
@@ -81,7 +79,7 @@ impl ObjectHeader {
         let mut next = 0;
         while let Some((place, bytes)) = blocks.get(next).copied() {
             next += 1;
-            limits::at_most(FORMAT, "the number of parts of a header", next as u64, BLOCKS as u64)?;
+            limits::at_most(FORMAT, "the number of parts of a header", next, BLOCKS)?;
             let block = file.block(place, bytes)?;
             let mut cursor = file.cursor(&block, place);
             if newer {
@@ -95,11 +93,7 @@ impl ObjectHeader {
     }
 
     /// The messages of a block as it has been since the beginning.
-    fn older(
-        &mut self,
-        cursor: &mut MetadataCursor<'_>,
-        blocks: &mut Vec<(u64, u64)>,
-    ) -> Result<(), FormatError> {
+    fn older(&mut self, cursor: &mut MetadataCursor<'_>, blocks: &mut Vec<(u64, u64)>) -> Result<()> {
         while cursor.left() >= 8 {
             let (kind, bytes) = (cursor.u16()?, usize::from(cursor.u16()?));
             let flags = cursor.u8()?;
@@ -115,7 +109,7 @@ impl ObjectHeader {
         cursor: &mut MetadataCursor<'_>,
         ordered: bool,
         blocks: &mut Vec<(u64, u64)>,
-    ) -> Result<(), FormatError> {
+    ) -> Result<()> {
         let prefix = if ordered { 6 } else { 4 };
         while cursor.left() >= prefix + 4 {
             let (kind, bytes) = (u16::from(cursor.u8()?), usize::from(cursor.u16()?));
@@ -134,21 +128,15 @@ impl ObjectHeader {
         flags: u8,
         body: &mut MetadataCursor<'_>,
         blocks: &mut Vec<(u64, u64)>,
-    ) -> Result<(), FormatError> {
+    ) -> Result<()> {
         if kind == MessageKind::Continuation as u16 {
             blocks.push((body.known_address()?, body.u64()?));
             return Ok(());
         }
-        limits::at_most(
-            FORMAT,
-            "the number of messages of a header",
-            self.messages.len() as u64,
-            MESSAGES as u64,
-        )?;
-        let place = body.place();
+        let (place, shared) = (body.place(), flags & 2 != 0);
         let body = body.take(body.left())?.to_vec();
-        self.messages.push(HeaderMessage { kind, shared: flags & 2 != 0, place, body });
-        Ok(())
+        let message = HeaderMessage { kind, shared, place, body };
+        limits::push(FORMAT, "the number of messages of a header", &mut self.messages, message)
     }
 
     pub(super) fn has(&self, kind: MessageKind) -> bool {
@@ -160,30 +148,12 @@ impl ObjectHeader {
         &self,
         file: &Hdf5File,
         kind: MessageKind,
-        read: impl FnOnce(&mut MetadataCursor<'_>) -> Result<T, FormatError>,
-    ) -> Result<Option<T>, FormatError> {
+        read: impl FnOnce(&mut MetadataCursor<'_>) -> Result<T>,
+    ) -> Result<Option<T>> {
         let Some(message) = self.messages.iter().find(|message| message.kind == kind as u16) else {
             return Ok(None);
         };
         message.read(file, read).map(Some)
-    }
-
-    /// Where the heap is that keeps those which do not fit into the header, and the tree of their names; none where all fit. `order_bytes`
-    /// are those of the largest order of creation, where the message has one.
-    pub(super) fn dense(
-        &self,
-        file: &Hdf5File,
-        kind: MessageKind,
-        order_bytes: usize,
-    ) -> Result<Option<(u64, u64)>, FormatError> {
-        let dense = self.first(file, kind, |cursor| {
-            let flags = cursor.skip(1)?.u8()?;
-            if flags & 1 != 0 {
-                cursor.skip(order_bytes)?;
-            }
-            Ok((cursor.address()?, cursor.address()?))
-        })?;
-        Ok(dense.and_then(|(heap, names)| heap.zip(names)))
     }
 
     /// Reads all messages of a kind.
@@ -191,8 +161,8 @@ impl ObjectHeader {
         &self,
         file: &Hdf5File,
         kind: MessageKind,
-        mut read: impl FnMut(&mut MetadataCursor<'_>) -> Result<(), FormatError>,
-    ) -> Result<(), FormatError> {
+        mut read: impl FnMut(&mut MetadataCursor<'_>) -> Result<()>,
+    ) -> Result<()> {
         for message in self.messages.iter().filter(|message| message.kind == kind as u16) {
             message.read(file, &mut read)?;
         }
@@ -201,11 +171,7 @@ impl ObjectHeader {
 }
 
 impl HeaderMessage {
-    fn read<T>(
-        &self,
-        file: &Hdf5File,
-        read: impl FnOnce(&mut MetadataCursor<'_>) -> Result<T, FormatError>,
-    ) -> Result<T, FormatError> {
+    fn read<T>(&self, file: &Hdf5File, read: impl FnOnce(&mut MetadataCursor<'_>) -> Result<T>) -> Result<T> {
         let mut cursor = file.cursor(&self.body, self.place);
         if !self.shared {
             return read(&mut cursor);
@@ -213,23 +179,22 @@ impl HeaderMessage {
         let address = shared(&mut cursor)?;
         let header = ObjectHeader::read(file, address)?;
         let body = header.messages.iter().find(|other| other.kind == self.kind && !other.shared);
-        let Some(body) = body else {
-            return Err(cursor.damaged(format!("a message elsewhere, at byte {address}"), "it there"));
-        };
+        let body = body
+            .ok_or_else(|| cursor.damaged(format!("a message elsewhere, at byte {address}"), "it there"))?;
         read(&mut file.cursor(&body.body, body.place))
     }
 }
 
 /// The address of the object that holds a message.
-pub(super) fn shared(cursor: &mut MetadataCursor<'_>) -> Result<u64, FormatError> {
+pub(super) fn shared(cursor: &mut MetadataCursor<'_>) -> Result<u64> {
     let (version, kind) = (cursor.u8()?, cursor.u8()?);
     match (version, kind) {
         (1, _) => cursor.skip(6 + LENGTH)?.known_address(),
         (2, _) | (3, 2 | 3) => cursor.known_address(),
-        (3, 1) => Err(unsupported(
-            "an object whose description is in a table that objects share",
-            "copy the file with h5repack",
-        )),
+        (3, 1) => {
+            let what = "an object whose description is in a table that objects share";
+            Err(unsupported(what, "copy the file with h5repack"))
+        }
         _ => Err(cursor.damaged(format!("version {version} of a message elsewhere"), "1 to 3")),
     }
 }

@@ -2,8 +2,9 @@
 //! heaps (links and attributes of large objects); HDF5 File Format Specification, sections III.D, E and G.
 
 use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor, check_sum};
-use super::{FORMAT, NEW_FILE, unsupported};
-use crate::{FormatError, limits};
+use super::header::{MessageKind, ObjectHeader};
+use super::{FORMAT, NEW_FILE, tree, unsupported};
+use crate::{FormatError, Result, limits, refuse_if};
 
 /// The names of an old group.
 pub(super) struct LocalHeap {
@@ -12,7 +13,7 @@ pub(super) struct LocalHeap {
 }
 
 impl LocalHeap {
-    pub(super) fn read(file: &Hdf5File, address: u64) -> Result<Self, FormatError> {
+    pub(super) fn read(file: &Hdf5File, address: u64) -> Result<Self> {
         let head = file.block(address, 8 + 2 * LENGTH as u64 + ADDRESS as u64)?;
         let mut cursor = file.cursor(&head, address);
         cursor.mark(b"HEAP")?;
@@ -22,7 +23,7 @@ impl LocalHeap {
         Ok(Self { bytes: file.block(place, bytes)?, place })
     }
 
-    pub(super) fn text(&self, file: &Hdf5File, offset: u64) -> Result<String, FormatError> {
+    pub(super) fn text(&self, file: &Hdf5File, offset: u64) -> Result<String> {
         let mut cursor = file.cursor(&self.bytes, self.place);
         cursor.skip(usize::try_from(offset).unwrap_or(usize::MAX))?.name()
     }
@@ -40,7 +41,7 @@ impl<'a> HeapTexts<'a> {
     }
 
     /// Reads the text that a cell of 4 bytes, an address and 4 bytes refers to.
-    pub(super) fn text(&mut self, cell: &mut MetadataCursor<'_>) -> Result<Vec<u8>, FormatError> {
+    pub(super) fn text(&mut self, cell: &mut MetadataCursor<'_>) -> Result<Vec<u8>> {
         let length = cell.u32()? as usize;
         let (address, number) = (cell.address()?, cell.u32()?);
         let Some(address) = address.filter(|_| length > 0 && number > 0) else { return Ok(Vec::new()) };
@@ -62,7 +63,7 @@ impl<'a> HeapTexts<'a> {
 }
 
 /// An object of a collection.
-fn find(cursor: &mut MetadataCursor<'_>, number: u32, length: usize) -> Result<Vec<u8>, FormatError> {
+fn find(cursor: &mut MetadataCursor<'_>, number: u32, length: usize) -> Result<Vec<u8>> {
     cursor.skip(8 + LENGTH)?;
     while cursor.left() >= 8 + LENGTH {
         let found = cursor.u16()?;
@@ -87,9 +88,9 @@ fn find(cursor: &mut MetadataCursor<'_>, number: u32, length: usize) -> Result<V
 }
 
 /// A heap of objects in blocks that double in size.
-pub(super) struct FractalHeap<'a> {
+struct FractalHeap<'a> {
     file: &'a Hdf5File,
-    pub(super) id_bytes: usize,
+    id_bytes: usize,
     /// Width of an offset in the heap, and of a length.
     offset_bytes: usize,
     size_bytes: usize,
@@ -103,14 +104,12 @@ pub(super) struct FractalHeap<'a> {
 }
 
 impl<'a> FractalHeap<'a> {
-    pub(super) fn read(file: &'a Hdf5File, address: u64) -> Result<Self, FormatError> {
+    fn read(file: &'a Hdf5File, address: u64) -> Result<Self> {
         let head = file.block(address, (26 + 12 * LENGTH + 3 * ADDRESS) as u64)?;
         let mut cursor = file.cursor(&head, address);
         cursor.mark(b"FRHP")?;
         let id_bytes = usize::from(cursor.skip(1)?.u16()?);
-        if cursor.u16()? > 0 {
-            return Err(unsupported("links or attributes that are packed", NEW_FILE));
-        }
+        refuse_if(cursor.u16()? > 0, || unsupported("links or attributes that are packed", NEW_FILE))?;
         let largest = u64::from(cursor.skip(1)?.u32()?);
         cursor.skip(10 * LENGTH + 2 * ADDRESS)?;
         let width = u64::from(cursor.u16()?);
@@ -120,9 +119,10 @@ impl<'a> FractalHeap<'a> {
         let (root, root_rows) = (cursor.address()?, u32::from(cursor.u16()?));
         check_sum(&mut cursor)?;
         let powers = [width, start_bytes, direct_bytes].iter().all(|length| length.is_power_of_two());
-        if !powers || direct_bytes < start_bytes || offset_bits > 64 || !(1..=64).contains(&id_bytes) {
-            return Err(cursor.damaged("a heap whose blocks do not double", "lengths that are powers of two"));
-        }
+        refuse_if(
+            !powers || direct_bytes < start_bytes || offset_bits > 64 || !(1..=64).contains(&id_bytes),
+            || cursor.damaged("a heap whose blocks do not double", "lengths that are powers of two"),
+        )?;
         limits::at_most(FORMAT, "the bytes of a block of a heap", direct_bytes, limits::HEADER_BYTES)?;
         // What the lengths of the objects take: the smaller of the two bounds.
         let size_bytes = (direct_bytes.ilog2().div_ceil(8)).min(largest.max(1).ilog2() / 8 + 1);
@@ -141,7 +141,7 @@ impl<'a> FractalHeap<'a> {
     }
 
     /// Reads an object; none where it is kept in a way that small objects are not.
-    pub(super) fn object(&mut self, id: &[u8]) -> Result<Option<Vec<u8>>, FormatError> {
+    fn object(&mut self, id: &[u8]) -> Result<Option<Vec<u8>>> {
         let mut cursor = self.file.cursor(id, 0);
         let kind = cursor.u8()?;
         match (kind >> 4) & 3 {
@@ -167,16 +167,14 @@ impl<'a> FractalHeap<'a> {
     }
 
     /// The block that an offset is in: where it begins in the heap, its bytes and its place.
-    fn find(&self, offset: u64) -> Result<(u64, Vec<u8>, u64), FormatError> {
+    fn find(&self, offset: u64) -> Result<(u64, Vec<u8>, u64)> {
         let lost = || {
             FormatError::damaged(FORMAT, "a heap", format!("an object at its byte {offset}"), "a block there")
         };
         let mut place = self.root.ok_or_else(lost)?;
         let (mut start, mut rows) = (0_u64, self.root_rows);
         if rows == 0 {
-            if offset >= self.start_bytes {
-                return Err(lost());
-            }
+            refuse_if(offset >= self.start_bytes, lost)?;
             return Ok((0, self.file.block(place, self.start_bytes)?, place));
         }
         // Each is smaller than the one that it is in.
@@ -189,9 +187,7 @@ impl<'a> FractalHeap<'a> {
                 let double = (within / first).ilog2();
                 (double + 1, first << double, self.start_bytes << double)
             };
-            if row >= rows {
-                return Err(lost());
-            }
+            refuse_if(row >= rows, lost)?;
             let column = (within - row_start) / bytes;
             start += row_start + column * bytes;
             let child = self.child(place, u64::from(row) * self.width + column, rows)?;
@@ -204,7 +200,7 @@ impl<'a> FractalHeap<'a> {
     }
 
     /// The address of a block within an indirect one.
-    fn child(&self, place: u64, number: u64, rows: u32) -> Result<Option<u64>, FormatError> {
+    fn child(&self, place: u64, number: u64, rows: u32) -> Result<Option<u64>> {
         let prefix = 5 + ADDRESS as u64 + self.offset_bytes as u64;
         let all = u64::from(rows).saturating_mul(self.width).saturating_mul(ADDRESS as u64);
         let block = self.file.block(place, prefix.saturating_add(all).saturating_add(4))?;
@@ -213,4 +209,31 @@ impl<'a> FractalHeap<'a> {
         let before = usize::try_from(prefix + number * ADDRESS as u64).unwrap_or(usize::MAX);
         cursor.skip(before.saturating_sub(4))?.address()
     }
+}
+
+/// Reads the messages of an object that do not fit into its header: those that the tree of their names refers to, in the heap that keeps them. `kind` is
+/// the message that says where both are; `order_bytes` are those of the largest order of creation therein, and `skip` those before the place of a message in
+/// the records of the tree by its kind.
+pub(super) fn each_dense(
+    file: &Hdf5File,
+    header: &ObjectHeader,
+    kind: MessageKind,
+    (order_bytes, skip): (usize, &dyn Fn(u8) -> Option<usize>),
+    each: &mut dyn FnMut(&mut MetadataCursor<'_>) -> Result<()>,
+) -> Result<()> {
+    let places = header.first(file, kind, |cursor| {
+        let flags = cursor.skip(1)?.u8()?;
+        cursor.skip(if flags & 1 != 0 { order_bytes } else { 0 })?;
+        Ok((cursor.address()?, cursor.address()?))
+    })?;
+    let Some((heap, names)) = places.and_then(|(heap, names)| heap.zip(names)) else { return Ok(()) };
+    let mut heap = FractalHeap::read(file, heap)?;
+    tree::newer(file, names, &mut |kind, record| {
+        let before = skip(kind);
+        let before = before
+            .ok_or_else(|| record.damaged(format!("a tree of kind {kind}"), "one of links or attributes"))?;
+        let place = record.skip(before)?.place();
+        let id = record.take(heap.id_bytes)?;
+        heap.object(id)?.map_or(Ok(()), |body| each(&mut file.cursor(&body, place)))
+    })
 }

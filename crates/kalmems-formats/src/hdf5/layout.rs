@@ -5,9 +5,9 @@
 use super::attributes::Dataspace;
 use super::file::{Hdf5File, MetadataCursor};
 use super::header::{MessageKind, ObjectHeader};
-use super::index::{ArrayGrowth, ChunkArray};
+use super::index::{self, ArrayGrowth};
 use super::{NEW_FILE, tree, unsupported};
-use crate::FormatError;
+use crate::{FormatError, Result, refuse_if};
 
 /// The kinds of trees of chunks: of the first version, and of the second without and with filters.
 const CHUNKS_OLDER: u8 = 1;
@@ -60,7 +60,7 @@ pub(super) struct Chunk {
 }
 
 impl DataLayout {
-    pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Option<Self>, FormatError> {
+    pub(super) fn read(file: &Hdf5File, header: &ObjectHeader) -> Result<Option<Self>> {
         if header.has(MessageKind::ExternalFiles) {
             return Ok(Some(Self::External));
         }
@@ -68,7 +68,7 @@ impl DataLayout {
     }
 }
 
-fn layout(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout, FormatError> {
+fn layout(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout> {
     let version = cursor.u8()?;
     match version {
         1 | 2 => return Err(unsupported("a layout of HDF5 before 1.6.3", NEW_FILE)),
@@ -94,23 +94,22 @@ fn layout(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout, FormatError> {
 }
 
 /// The lengths of a chunk along each axis; behind them is the length of an element.
-fn lengths(cursor: &mut MetadataCursor<'_>, axes: usize, width: usize) -> Result<Vec<u64>, FormatError> {
-    if !(2..=33).contains(&axes) || !(1..=8).contains(&width) {
-        return Err(cursor
-            .damaged(format!("chunks of {axes} axes with lengths of {width} bytes"), "1 to 32, and 1 to 8"));
-    }
+fn lengths(cursor: &mut MetadataCursor<'_>, axes: usize, width: usize) -> Result<Vec<u64>> {
+    refuse_if(!(2..=33).contains(&axes) || !(1..=8).contains(&width), || {
+        cursor.damaged(format!("chunks of {axes} axes with lengths of {width} bytes"), "1 to 32, and 1 to 8")
+    })?;
     let mut shape = (0..axes).map(|_| cursor.number(width)).collect::<Result<Vec<_>, _>>()?;
     shape.pop();
     Ok(shape)
 }
 
-fn newest(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout, FormatError> {
+fn newest(cursor: &mut MetadataCursor<'_>) -> Result<DataLayout> {
     let flags = cursor.u8()?;
     let (axes, width) = (usize::from(cursor.u8()?), usize::from(cursor.u8()?));
     let shape = lengths(cursor, axes, width)?;
-    if flags & 1 != 0 {
-        return Err(unsupported("chunks that are not packed where they reach beyond the dataset", NEW_FILE));
-    }
+    refuse_if(flags & 1 != 0, || {
+        unsupported("chunks that are not packed where they reach beyond the dataset", NEW_FILE)
+    })?;
     let kind = cursor.u8()?;
     let index = match kind {
         1 => {
@@ -135,8 +134,8 @@ impl Chunked {
         file: &Hdf5File,
         space: &Dataspace,
         bytes: u64,
-        each: &mut dyn FnMut(Chunk) -> Result<(), FormatError>,
-    ) -> Result<(), FormatError> {
+        each: &mut dyn FnMut(Chunk) -> Result<()>,
+    ) -> Result<()> {
         let axes = self.shape.len();
         let first = |cursor: &mut MetadataCursor<'_>, scale: &dyn Fn(usize, u64) -> u64| {
             let mut first = [0; 2];
@@ -152,7 +151,7 @@ impl Chunked {
         match self.index {
             ChunkIndex::None => Ok(()),
             ChunkIndex::OlderTree(tree) => {
-                tree::older(file, tree, CHUNKS_OLDER, 16 + 8 * axes, &mut |key, address| {
+                tree::older(file, tree, (CHUNKS_OLDER, 16 + 8 * axes, None), &mut |key, address| {
                     let (bytes, mask) = (u64::from(key.u32()?), key.u32()?);
                     each(Chunk { first: first(key, &|_, number| number)?, address, bytes, mask })
                 })
@@ -161,13 +160,11 @@ impl Chunked {
                 let (bytes, mask) = packed.unwrap_or((bytes, 0));
                 each(Chunk { first: [0; 2], address, bytes, mask })
             }
-            ChunkIndex::Array(address, growth) => ChunkArray { file, unpacked: bytes }.visit(
-                address,
-                growth,
-                &mut |number, address, bytes, mask| {
+            ChunkIndex::Array(address, growth) => {
+                index::visit(file, (address, growth), bytes, &mut |number, address, bytes, mask| {
                     each(Chunk { first: self.place(space, number), address, bytes, mask })
-                },
-            ),
+                })
+            }
             ChunkIndex::Tree(address) => tree::newer(file, address, &mut |kind, record| {
                 let packed = match kind {
                     CHUNKS => false,

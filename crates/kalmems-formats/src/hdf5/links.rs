@@ -3,9 +3,9 @@
 
 use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor};
 use super::header::{MessageKind, ObjectHeader};
-use super::heap::{FractalHeap, LocalHeap};
+use super::heap::{self, LocalHeap};
 use super::{FORMAT, tree};
-use crate::{FormatError, limits};
+use crate::{Result, limits, refuse_if};
 
 /// The kinds of trees of links, by name and by the order in which they were made.
 const BY_NAME: u8 = 5;
@@ -39,52 +39,33 @@ pub(super) fn is_group(header: &ObjectHeader) -> bool {
 }
 
 /// The links of a group.
-pub(super) fn links(file: &Hdf5File, header: &ObjectHeader) -> Result<Vec<GroupLink>, FormatError> {
+pub(super) fn links(file: &Hdf5File, header: &ObjectHeader) -> Result<Vec<GroupLink>> {
     let mut links = Vec::new();
     if let Some((nodes, names)) = header.first(file, MessageKind::SymbolTable, |cursor| {
         Ok((cursor.known_address()?, cursor.known_address()?))
     })? {
         let names = LocalHeap::read(file, names)?;
-        tree::older(file, nodes, GROUP, LENGTH, &mut |_, leaf| entries(file, leaf, &names, &mut links))?;
-    }
-    header.each(file, MessageKind::Link, |cursor| push(&mut links, link(cursor)?))?;
-    if let Some((heap, names)) = header.dense(file, MessageKind::LinkInfo, 8)? {
-        let mut heap = FractalHeap::read(file, heap)?;
-        tree::newer(file, names, &mut |kind, record| {
-            match kind {
-                BY_NAME => record.skip(4)?,
-                BY_ORDER => record.skip(8)?,
-                _ => return Err(record.damaged(format!("a tree of kind {kind}"), "5 or 6, of links")),
-            };
-            let place = record.place();
-            let id = record.take(heap.id_bytes)?;
-            match heap.object(id)? {
-                Some(body) => push(&mut links, link(&mut file.cursor(&body, place))?),
-                None => Ok(()),
-            }
+        tree::older(file, nodes, (GROUP, LENGTH, None), &mut |_, leaf| {
+            entries(file, leaf, &names, &mut links)
         })?;
     }
+    let mut read = |cursor: &mut MetadataCursor<'_>| push(&mut links, link(cursor)?);
+    header.each(file, MessageKind::Link, &mut read)?;
+    let skip = |kind| match kind {
+        BY_NAME => Some(4),
+        BY_ORDER => Some(8),
+        _ => None,
+    };
+    heap::each_dense(file, header, MessageKind::LinkInfo, (8, &skip), &mut read)?;
     Ok(links)
 }
 
-fn push(links: &mut Vec<GroupLink>, link: GroupLink) -> Result<(), FormatError> {
-    limits::at_most(
-        FORMAT,
-        "the number of names in a group",
-        links.len() as u64 + 1,
-        limits::COLUMNS as u64,
-    )?;
-    links.push(link);
-    Ok(())
+fn push(links: &mut Vec<GroupLink>, link: GroupLink) -> Result<()> {
+    limits::push(FORMAT, "the number of names in a group", links, link)
 }
 
 /// The entries of a leaf of an old group.
-fn entries(
-    file: &Hdf5File,
-    place: u64,
-    names: &LocalHeap,
-    links: &mut Vec<GroupLink>,
-) -> Result<(), FormatError> {
+fn entries(file: &Hdf5File, place: u64, names: &LocalHeap, links: &mut Vec<GroupLink>) -> Result<()> {
     let head = file.block(place, 8)?;
     let mut cursor = file.cursor(&head, place);
     cursor.mark(b"SNOD")?;
@@ -108,11 +89,9 @@ fn entries(
 }
 
 /// A message that is a link.
-fn link(cursor: &mut MetadataCursor<'_>) -> Result<GroupLink, FormatError> {
+fn link(cursor: &mut MetadataCursor<'_>) -> Result<GroupLink> {
     let (version, flags) = (cursor.u8()?, cursor.u8()?);
-    if version != 1 {
-        return Err(cursor.damaged(format!("version {version} of a link"), "1"));
-    }
+    refuse_if(version != 1, || cursor.damaged(format!("version {version} of a link"), "1"))?;
     let kind = if flags & 8 != 0 { cursor.u8()? } else { 0 };
     if flags & 4 != 0 {
         cursor.skip(8)?;
@@ -121,7 +100,7 @@ fn link(cursor: &mut MetadataCursor<'_>) -> Result<GroupLink, FormatError> {
         cursor.skip(1)?;
     }
     let length = cursor.number(1 << (flags & 3))?;
-    limits::at_most(FORMAT, "the length of a name", length, limits::TEXT_BYTES as u64)?;
+    limits::at_most(FORMAT, "the length of a name", length, limits::TEXT_BYTES)?;
     #[allow(clippy::cast_possible_truncation)] // at most TEXT_BYTES
     let name = cursor.text(length as usize)?;
     let target = match kind {

@@ -21,22 +21,21 @@ mod tree;
 mod values;
 
 use crate::element::{Element, ElementKind};
-use crate::lanes::UnpackedRecords;
 use crate::name::with_unit;
 use crate::records::{CellKind, RecordField, StoredCell, TextEncoding};
 use crate::scaling::{self, Scaling, ScalingStep};
 use crate::source::SharedFile;
 use crate::stated_clock::StatedNumbers;
-use crate::table_parts::{TableParts, becomes_columns};
+use crate::table_parts::{StoredArray, TableParts, becomes_columns};
 use crate::time::{TimeCode, TimeForm, TimeKind};
-use crate::{Column, FormatError, Hints, Table, limits};
+use crate::{Column, FormatError, Hints, Result, Table, limits, refuse_if};
 use attributes::{Attributes, Dataspace};
 use datatype::DatatypeKind;
 use header::{MessageKind as Message, ObjectHeader};
 use links::{GroupLink, is_group, links};
-use objects::{LinkOutcome, LinkedFiles, Object};
+use objects::{LinkedFiles, Object};
 use std::sync::Arc;
-use values::DatasetValues;
+use values::{DataShape, DatasetValues};
 
 const FORMAT: &str = "HDF5";
 const MAT: &str = "MAT 7.3";
@@ -55,7 +54,7 @@ fn unsupported(what: impl Into<String>, remedy: &str) -> FormatError {
     FormatError::unsupported(FORMAT, what, remedy)
 }
 
-pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>> {
     let source = Arc::new(source);
     let mut head = [0; 10];
     let matlab = source.read_some(0, &mut head)? == 10 && head == *b"MATLAB 7.3";
@@ -97,15 +96,11 @@ struct FoundDataset {
 }
 
 impl FoundDataset {
-    fn look(object: Object, header: ObjectHeader, path: &str) -> Result<Self, FormatError> {
+    fn look(object: Object, header: ObjectHeader, path: &str) -> Result<Self> {
         let file = &object.file;
         let lacks = |what: &str| {
-            FormatError::damaged(
-                FORMAT,
-                path,
-                format!("a dataset without {what}"),
-                "its type, its shape and its layout",
-            )
+            let expected = "its type, its shape and its layout";
+            FormatError::damaged(FORMAT, path, format!("a dataset without {what}"), expected)
         };
         let kind = header.first(file, Message::Datatype, datatype::read)?.ok_or_else(|| lacks("a type"))?;
         let space =
@@ -163,36 +158,29 @@ impl FoundDataset {
 
 impl Hdf5TableParts {
     /// The group or dataset that the experiment names.
-    fn at_path(&mut self, path: &str, hints: &Hints) -> Result<(), FormatError> {
+    fn at_path(&mut self, path: &str, hints: &Hints) -> Result<()> {
         let mut reached = self.files.at_path(path)?;
-        if self.matlab && matches!(reached, LinkOutcome::Nowhere(_)) {
+        if self.matlab && reached.is_err() {
             // As a field of a struct is called.
             reached = self.files.at_path(&path.replace('.', "/"))?;
         }
-        let object = match reached {
-            LinkOutcome::Object(object) => object,
-            LinkOutcome::Nowhere(why) => {
-                return Err(unsupported(
-                    format!("`{path}`, {why},"),
-                    "write the path of a group or dataset that is there",
-                ));
-            }
+        let nowhere = |why| {
+            let remedy = "write the path of a group or dataset that is there";
+            unsupported(format!("`{path}`, {why},"), remedy)
         };
+        let object = reached.map_err(nowhere)?;
         let header = object.header()?;
         if is_group(&header) {
             return self.add_group(&object, path);
         }
-        if !header.has(Message::Layout) {
-            return Err(unsupported(
-                format!("`{path}`, which is no group and no dataset,"),
-                "write the path of one",
-            ));
-        }
+        refuse_if(!header.has(Message::Layout), || {
+            unsupported(format!("`{path}`, which is no group and no dataset,"), "write the path of one")
+        })?;
         self.add_table(&FoundDataset::look(object, header, path)?, hints)
     }
 
     /// The datasets of a group as columns.
-    fn add_group(&mut self, group: &Object, path: &str) -> Result<(), FormatError> {
+    fn add_group(&mut self, group: &Object, path: &str) -> Result<()> {
         self.table.recognised = if self.matlab && path == "/" {
             "the variables, a column each".to_owned()
         } else {
@@ -200,19 +188,14 @@ impl Hdf5TableParts {
         };
         self.learn_clock(group);
         let links = links(&group.file, &group.header()?)?;
-        limits::at_most(
-            FORMAT,
-            &format!("the number of names in `{path}`"),
-            links.len() as u64,
-            OBJECTS as u64,
-        )?;
+        limits::at_most(FORMAT, &format!("the number of names in `{path}`"), links.len(), OBJECTS)?;
         for GroupLink { name, target } in links {
             // One that cannot be read does not stand in the way of the others.
             let columns = self.table.fields.len();
             let place = format!("{}/{name}", path.trim_end_matches('/'));
             let added = self.files.follow(group, &target).and_then(|reached| match reached {
-                LinkOutcome::Object(object) => self.add_object(object, &name, &place),
-                LinkOutcome::Nowhere(why) => {
+                Ok(object) => self.add_object(object, &name, &place),
+                Err(why) => {
                     self.table.leave_out(&name, &why);
                     Ok(())
                 }
@@ -229,10 +212,12 @@ impl Hdf5TableParts {
         Ok(())
     }
 
-    fn add_object(&mut self, object: Object, name: &str, place: &str) -> Result<(), FormatError> {
+    fn add_object(&mut self, object: Object, name: &str, place: &str) -> Result<()> {
         let header = object.header()?;
-        if header.has(Message::Layout) {
-            self.add_column(&FoundDataset::look(object, header, place)?, name)?;
+        if header.has(Message::Layout)
+            && let Some(why) = self.add_column(&FoundDataset::look(object, header, place)?, name)?
+        {
+            self.table.leave_out(name, why);
         }
         Ok(())
     }
@@ -258,14 +243,13 @@ impl Hdf5TableParts {
         own.or(self.timebase_s).filter(|tick_s| counts && (1e-15..1.0).contains(tick_s))
     }
 
-    fn add_column(&mut self, found: &FoundDataset, name: &str) -> Result<(), FormatError> {
+    /// Adds a dataset as a column, or says why it is none.
+    fn add_column(&mut self, found: &FoundDataset, name: &str) -> Result<Option<String>> {
         if let Some(what) = found.of_matlab() {
-            self.table.leave_out(name, &what);
-            return Ok(());
+            return Ok(Some(what));
         }
         if found.attributes.get("MATLAB_empty").is_some() {
-            self.table.leave_out(name, "empty");
-            return Ok(());
+            return Ok(Some("empty".to_owned()));
         }
         if self.matlab && found.is_class("char") {
             return self.add_characters(found, name);
@@ -276,17 +260,14 @@ impl Hdf5TableParts {
                     DatatypeKind::Number(element) => values::single(found, element),
                     _ => None,
                 };
-                if !number.is_some_and(|number| self.table.stated.learn(name, number)) {
-                    self.table.leave_out(name, "a single value");
-                }
-                return Ok(());
+                let is_stated = number.is_some_and(|number| self.table.stated.learn(name, number));
+                return Ok((!is_stated).then(|| "a single value".to_owned()));
             }
             [rows] | [rows, 1] => (rows, false),
             [1, rows] => (rows, true),
             [_, _] if matches!(found.kind, DatatypeKind::Number(_)) => return self.add_beside(found, name),
             _ => {
-                self.table.leave_out(name, format!("{} axes", found.space.shape.len()));
-                return Ok(());
+                return Ok(Some(format!("{} axes", found.space.shape.len())));
             }
         };
         let lane = self.table.lanes.len();
@@ -294,18 +275,16 @@ impl Hdf5TableParts {
         let cell = match &found.kind {
             DatatypeKind::Texts | DatatypeKind::References => {
                 let Some(texts) = values::texts(found)? else {
-                    self.table.leave_out(name, "references");
-                    return Ok(());
+                    return Ok(Some("references".to_owned()));
                 };
                 let column = Column::new(name).at(found.place());
                 let rows = texts.len() as u64;
                 let own = Box::new(crate::lanes::TextLane { texts, next: 0 });
                 self.table.add(column, CellKind::Texts { lane }, rows, own);
-                return Ok(());
+                return Ok(None);
             }
             DatatypeKind::Fields { .. } => {
-                self.table.leave_out(name, format!("a table of its own: write `group = \"{}\"`", found.path));
-                return Ok(());
+                return Ok(Some(format!("a table of its own: write `group = \"{}\"`", found.path)));
             }
             kind => kind.stored(),
         };
@@ -315,10 +294,7 @@ impl Hdf5TableParts {
                 StoredCell::Time(TimeCode { form, unit, kind: TimeKind::Calendar })
             }
             (Some(cell), _) => cell,
-            (None, _) => {
-                self.table.leave_out(name, found.kind.what());
-                return Ok(());
-            }
+            (None, _) => return Ok(Some(found.kind.what().to_owned())),
         };
         let cells = CellKind::Stored { lane, offset: 0, cell };
         let unit = found.attributes.units().first().map_or("", String::as_str);
@@ -336,9 +312,10 @@ impl Hdf5TableParts {
         if found.attributes.single_numbers().filter(|(name, number)| own.learn(name, *number)).count() > 0 {
             self.table.own_clocks.push((self.table.fields.len(), own.clock()));
         }
-        self.table.lanes.push(values::lane(found, found.kind.bytes(), (rows, 1), turned, self.file_bytes)?);
+        let shape = DataShape { rows, columns: 1, element: found.kind.bytes(), turned };
+        self.table.lanes.push(values::lane(found, shape)?);
         self.table.fields.push(RecordField { scaling, ..RecordField::new(column, cells, rows) });
-        Ok(())
+        Ok(None)
     }
 
     /// Says what is done to the numbers of a column.
@@ -358,12 +335,11 @@ impl Hdf5TableParts {
     }
 
     /// A dataset of rows and columns beside datasets that are columns.
-    fn add_beside(&mut self, found: &FoundDataset, name: &str) -> Result<(), FormatError> {
+    fn add_beside(&mut self, found: &FoundDataset, name: &str) -> Result<Option<String>> {
         let (rows, columns) = self.rows_and_columns(found)?;
         if !becomes_columns(rows, columns) {
             let what = format!("{rows} rows and {columns} columns");
-            self.table.leave_out(name, format!("{what}: write `group = \"{}\"` and `columns`", found.path));
-            return Ok(());
+            return Ok(Some(format!("{what}: write `group = \"{}\"` and `columns`", found.path)));
         }
         let names: Vec<String> = match stored_names(found) {
             Some(names) if names.len() as u64 == columns => names.to_vec(),
@@ -371,37 +347,29 @@ impl Hdf5TableParts {
             _ if self.matlab => (1..=columns).map(|column| format!("{name}(:,{column})")).collect(),
             _ => (0..columns).map(|column| format!("{name}[:,{column}]")).collect(),
         };
-        self.add_columns(found, rows, &names, true)
+        self.add_columns(found, rows, &names, true).map(|()| None)
     }
 
     /// The rows and columns of a dataset of two axes: MATLAB's first axis is HDF5's last.
-    fn rows_and_columns(&self, found: &FoundDataset) -> Result<(u64, u64), FormatError> {
+    fn rows_and_columns(&self, found: &FoundDataset) -> Result<(u64, u64)> {
         let path = &found.path;
         let (rows, columns) = match (&found.space.shape[..], self.matlab) {
             ([rows], _) => (*rows, 1),
             ([rows, columns], false) | ([columns, rows], true) => (*rows, *columns),
             (shape, _) => {
-                return Err(unsupported(
-                    format!("`{path}` of {} axes", shape.len()),
-                    "write rows and columns",
-                ));
+                let what = format!("`{path}` of {} axes", shape.len());
+                return Err(unsupported(what, "write rows and columns"));
             }
         };
         let what = format!("the number of columns of `{path}`");
-        limits::at_most(FORMAT, &what, columns, limits::COLUMNS as u64)?;
+        limits::at_most(FORMAT, &what, columns, limits::COLUMNS)?;
         let wide = columns.saturating_mul(found.kind.bytes() as u64);
-        limits::at_most(FORMAT, &format!("the bytes of a row of `{path}`"), wide, limits::ROW_BYTES as u64)?;
+        limits::at_most(FORMAT, &format!("the bytes of a row of `{path}`"), wide, limits::ROW_BYTES)?;
         Ok((rows, columns))
     }
 
     /// The columns of a dataset of numbers with one or two axes. `united` adds the units that its attributes state.
-    fn add_columns(
-        &mut self,
-        found: &FoundDataset,
-        rows: u64,
-        names: &[String],
-        united: bool,
-    ) -> Result<(), FormatError> {
+    fn add_columns(&mut self, found: &FoundDataset, rows: u64, names: &[String], united: bool) -> Result<()> {
         let DatatypeKind::Number(element) = found.kind else { return Ok(()) };
         let units = match found.attributes.units() {
             // One for all, or one for each.
@@ -409,35 +377,21 @@ impl Hdf5TableParts {
             units if units.len() == names.len() => units.to_vec(),
             _ => Vec::new(),
         };
-        let (first, place, scaling) = (self.table.lanes.len(), found.place(), found.scaling());
-        let (size, shape, turned) = (element.bytes, (rows, names.len() as u64), self.is_turned(found));
-        // Columns that stand one after the other are read on their own.
-        let by_column = match values::values(found, size, shape, turned, self.file_bytes)? {
-            DatasetValues::Stretch(source, offset) if turned => Some((source, offset)),
-            _ => None,
-        };
-        if by_column.is_none() {
-            self.table.lanes.push(values::lane(found, size, shape, turned, self.file_bytes)?);
-        }
-        for (number, name) in names.iter().enumerate() {
-            let unit = units.get(number).filter(|_| united).map_or("", String::as_str);
-            let column = Column::new(&with_unit(name, unit)).at(format!("{place}, column {}", number + 1));
-            let (lane, offset) =
-                if by_column.is_some() { (first + number, 0) } else { (first, number * size) };
-            let cells = CellKind::Stored { lane, offset, cell: StoredCell::Number(element) };
-            self.table
-                .fields
-                .push(RecordField { scaling: scaling.clone(), ..RecordField::new(column, cells, rows) });
-            if let Some((source, offset)) = &by_column {
-                let offset = offset + number as u64 * rows * size as u64;
-                let source = Arc::clone(source);
-                self.table.lanes.push(Box::new(UnpackedRecords {
-                    source,
-                    format: FORMAT,
-                    offset,
-                    record: size,
-                }));
+        let (first, scaling) = (self.table.fields.len(), found.scaling());
+        let (cell, turned) = (StoredCell::Number(element), self.is_turned(found));
+        let shape = DataShape { rows, columns: names.len() as u64, element: element.bytes, turned };
+        match values::values(found, shape)? {
+            DatasetValues::Stretch(stretch, place) => {
+                let array = StoredArray { stretch: &stretch, place, rows, cell, by_column: turned };
+                self.table.add_array(&array, names)?;
             }
+            DatasetValues::Chunks(lane) => self.table.add_rows(lane, rows, cell, names),
+        }
+        for (number, (field, name)) in self.table.fields.iter_mut().skip(first).zip(names).enumerate() {
+            let unit = units.get(number).filter(|_| united).map_or("", String::as_str);
+            let place = format!("{}, column {}", found.place(), number + 1);
+            field.column = Column::new(&with_unit(name, unit)).at(place);
+            field.scaling = scaling.clone();
         }
         self.say(&found.path, &scaling);
         Ok(())
@@ -449,15 +403,13 @@ impl Hdf5TableParts {
     }
 
     /// Characters of MATLAB: a text a row, along the second axis.
-    fn add_characters(&mut self, found: &FoundDataset, name: &str) -> Result<(), FormatError> {
+    fn add_characters(&mut self, found: &FoundDataset, name: &str) -> Result<Option<String>> {
         let (DatatypeKind::Number(element), [width, rows]) = (&found.kind, &found.space.shape[..]) else {
-            self.table.leave_out(name, "characters");
-            return Ok(());
+            return Ok(Some("characters".to_owned()));
         };
         let (width, rows, element) = (*width, *rows, *element);
         if element.bytes != 2 || rows == 1 || width > limits::TEXT_BYTES as u64 {
-            self.table.leave_out(name, "a single text");
-            return Ok(());
+            return Ok(Some("a single text".to_owned()));
         }
         let column = Column::new(name).at(found.place());
         // At most TEXT_BYTES.
@@ -465,13 +417,14 @@ impl Hdf5TableParts {
         let code = TextEncoding::Utf16 { big_endian: element.big_endian };
         let cell = StoredCell::Text { bytes, code };
         let cells = CellKind::Stored { lane: self.table.lanes.len(), offset: 0, cell };
-        self.table.lanes.push(values::lane(found, 2, (rows, width), true, self.file_bytes)?);
+        let shape = DataShape { rows, columns: width, element: 2, turned: true };
+        self.table.lanes.push(values::lane(found, shape)?);
         self.table.fields.push(RecordField::new(column, cells, rows));
-        Ok(())
+        Ok(None)
     }
 
     /// A dataset that is a table: fields with names, or two axes and names for the columns.
-    fn add_table(&mut self, found: &FoundDataset, hints: &Hints) -> Result<(), FormatError> {
+    fn add_table(&mut self, found: &FoundDataset, hints: &Hints) -> Result<()> {
         let path = found.path.clone();
         if let Some(what) = found.of_matlab() {
             return Err(unsupported(format!("`{path}`, {what},"), "name a variable that holds numbers"));
@@ -489,21 +442,16 @@ impl Hdf5TableParts {
                 let name = with_unit(name, units.map_or("", |units| units[number].as_str()));
                 self.table.fields.push(RecordField::new(Column::new(&name).at(found.place()), cells, rows));
             }
-            self.table.lanes.push(values::lane(
-                found,
-                found.kind.bytes(),
-                (rows, 1),
-                false,
-                self.file_bytes,
-            )?);
+            let shape = DataShape { rows, columns: 1, element: found.kind.bytes(), turned: false };
+            self.table.lanes.push(values::lane(found, shape)?);
             return Ok(());
         }
-        if !matches!(found.kind, DatatypeKind::Number(_)) {
-            return Err(unsupported(
-                format!("`{path}`, which holds {} and no table of numbers,", found.kind.what()),
-                "write the path of a group of datasets, or of a dataset of numbers or of a compound type",
-            ));
-        }
+        refuse_if(!matches!(found.kind, DatatypeKind::Number(_)), || {
+            let what = format!("`{path}`, which holds {} and no table of numbers,", found.kind.what());
+            let remedy =
+                "write the path of a group of datasets, or of a dataset of numbers or of a compound type";
+            unsupported(what, remedy)
+        })?;
         let (rows, columns) = self.rows_and_columns(found)?;
         // Its own name, of a single column.
         let own = || (columns == 1).then(|| vec![path.rsplit('/').next().unwrap_or(&path).to_owned()]);

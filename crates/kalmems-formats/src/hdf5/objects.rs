@@ -4,7 +4,7 @@ use super::file::Hdf5File;
 use super::header::ObjectHeader;
 use super::links::{GroupLink, LinkTarget, links};
 use crate::source::SharedFile;
-use crate::{FormatError, limits};
+use crate::{FormatError, Result, limits};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ pub(super) struct Object {
 }
 
 impl Object {
-    pub(super) fn header(&self) -> Result<ObjectHeader, FormatError> {
+    pub(super) fn header(&self) -> Result<ObjectHeader> {
         ObjectHeader::read(&self.file, self.address)
     }
 
@@ -32,10 +32,7 @@ impl Object {
 }
 
 /// What a link leads to, or why it leads nowhere, in words that follow a name.
-pub(super) enum LinkOutcome {
-    Object(Object),
-    Nowhere(String),
-}
+pub(super) type LinkOutcome = Result<Object, String>;
 
 /// The opened file, and those that links lead into.
 pub(super) struct LinkedFiles {
@@ -46,7 +43,7 @@ pub(super) struct LinkedFiles {
 }
 
 impl LinkedFiles {
-    pub(super) fn new(source: Arc<SharedFile>) -> Result<Self, FormatError> {
+    pub(super) fn new(source: Arc<SharedFile>) -> Result<Self> {
         let folder = source.folder().map(Path::to_owned);
         Ok(Self { own: Arc::new(Hdf5File::open(source, None)?), folder, others: Vec::new() })
     }
@@ -56,94 +53,77 @@ impl LinkedFiles {
     }
 
     /// The object at a path of the opened file.
-    pub(super) fn at_path(&mut self, path: &str) -> Result<LinkOutcome, FormatError> {
+    pub(super) fn at_path(&mut self, path: &str) -> Result<LinkOutcome> {
         let mut hops = HOPS;
         self.walk(self.root(), path, &mut hops)
     }
 
     /// What a link of a group leads to.
-    pub(super) fn follow(&mut self, group: &Object, target: &LinkTarget) -> Result<LinkOutcome, FormatError> {
+    pub(super) fn follow(&mut self, group: &Object, target: &LinkTarget) -> Result<LinkOutcome> {
         let mut hops = HOPS;
         self.hop(group, target, &mut hops)
     }
 
-    fn hop(
-        &mut self,
-        group: &Object,
-        target: &LinkTarget,
-        hops: &mut usize,
-    ) -> Result<LinkOutcome, FormatError> {
+    fn hop(&mut self, group: &Object, target: &LinkTarget, hops: &mut usize) -> Result<LinkOutcome> {
         if let LinkTarget::Object(address) = target {
-            return Ok(LinkOutcome::Object(Object { file: Arc::clone(&group.file), address: *address }));
+            return Ok(Ok(Object { file: Arc::clone(&group.file), address: *address }));
         }
         let Some(rest) = hops.checked_sub(1) else {
-            return Ok(LinkOutcome::Nowhere(format!(
-                "a link that leads to itself, or through more than {HOPS} others"
-            )));
+            return Ok(Err(format!("a link that leads to itself, or through more than {HOPS} others")));
         };
         *hops = rest;
-        match target {
+        let (what, reached) = match target {
             LinkTarget::Path(path) => {
-                let start = if path.starts_with('/') {
-                    Object { address: group.file.root, file: Arc::clone(&group.file) }
-                } else {
-                    group.clone()
-                };
-                let reached = self.walk(start, path, hops)?;
-                Ok(named(reached, || format!("a link to `{}`", shortened(path))))
+                let root = Object { address: group.file.root, file: Arc::clone(&group.file) };
+                let start = if path.starts_with('/') { root } else { group.clone() };
+                (format!("a link to `{}`", shortened(path)), self.walk(start, path, hops)?)
             }
             LinkTarget::Elsewhere { file, path } => {
-                let what = || format!("a link to `{}` in the file `{}`", shortened(path), shortened(file));
-                match self.other(file)? {
-                    Ok(file) => {
-                        let root = Object { address: file.root, file };
-                        let reached = self.walk(root, path, hops)?;
-                        Ok(named(reached, what))
-                    }
-                    Err(why) => Ok(LinkOutcome::Nowhere(format!("{}, {why}", what()))),
-                }
+                let reached = match self.other(file)? {
+                    Ok(file) => self.walk(Object { address: file.root, file }, path, hops)?,
+                    Err(why) => Err(why),
+                };
+                (format!("a link to `{}` in the file `{}`", shortened(path), shortened(file)), reached)
             }
-            LinkTarget::Other | LinkTarget::Object(_) => Ok(LinkOutcome::Nowhere(
-                "a link of a kind that only the program which made it follows".to_owned(),
-            )),
-        }
+            LinkTarget::Other | LinkTarget::Object(_) => {
+                return Ok(Err("a link of a kind that only the program which made it follows".to_owned()));
+            }
+        };
+        // Of links that lead to links the last says it.
+        let is_last = |why: &String| why.starts_with("which") || why.starts_with("and");
+        Ok(reached.map_err(|why| if is_last(&why) { format!("{what}, {why}") } else { why }))
     }
 
-    fn walk(&mut self, start: Object, path: &str, hops: &mut usize) -> Result<LinkOutcome, FormatError> {
+    fn walk(&mut self, start: Object, path: &str, hops: &mut usize) -> Result<LinkOutcome> {
         let mut object = start;
         for name in path.split('/').filter(|name| !name.is_empty() && *name != ".") {
             let found = links(&object.file, &object.header()?)?;
             let Some(GroupLink { target, .. }) = found.into_iter().find(|link| link.name == name) else {
-                return Ok(LinkOutcome::Nowhere("which is not in the file".to_owned()));
+                return Ok(Err("which is not in the file".to_owned()));
             };
             match self.hop(&object, &target, hops)? {
-                LinkOutcome::Object(next) => object = next,
-                nowhere @ LinkOutcome::Nowhere(_) => return Ok(nowhere),
+                Ok(next) => object = next,
+                nowhere => return Ok(nowhere),
             }
         }
-        Ok(LinkOutcome::Object(object))
+        Ok(Ok(object))
     }
 
     /// Opens a file that a link names, beside the file that was opened or by its whole path; or says why it cannot.
-    fn other(&mut self, name: &str) -> Result<Result<Arc<Hdf5File>, String>, FormatError> {
+    fn other(&mut self, name: &str) -> Result<Result<Arc<Hdf5File>, String>> {
         let Some(folder) = &self.folder else {
             return Ok(Err("and this file is not on a disk".to_owned()));
         };
         let beside = || Some(folder.join(Path::new(name).file_name()?));
         let candidates = [Some(folder.join(name)), beside()];
-        let is_file = |path: &PathBuf| std::fs::metadata(path).is_ok_and(|data| data.is_file());
-        let Some(path) = candidates.into_iter().flatten().find(is_file) else {
+        let Some(path) = candidates.into_iter().flatten().find(|path| path.is_file()) else {
             return Ok(Err("which is not beside this one: put it there".to_owned()));
         };
         if let Some((_, file)) = self.others.iter().find(|(known, _)| *known == path) {
             return Ok(Ok(Arc::clone(file)));
         }
-        limits::at_most(
-            super::FORMAT,
-            "the number of files that links lead into",
-            self.others.len() as u64 + 1,
-            FILES as u64,
-        )?;
+        let what = "the number of files that links lead into";
+        limits::at_most(super::FORMAT, what, self.others.len() as u64 + 1, FILES)?;
         let source = SharedFile::open(&path)?;
         match Hdf5File::open(Arc::new(source), Some(path.clone())) {
             Ok(file) => {
@@ -155,16 +135,6 @@ impl LinkedFiles {
             // What is in it is not told: it may be anything.
             Err(_) => Ok(Err("which is no HDF5 file that can be read".to_owned())),
         }
-    }
-}
-
-/// Says what kind of link leads nowhere.
-fn named(reached: LinkOutcome, what: impl Fn() -> String) -> LinkOutcome {
-    match reached {
-        LinkOutcome::Nowhere(why) if why.starts_with("which") => {
-            LinkOutcome::Nowhere(format!("{}, {why}", what()))
-        }
-        reached => reached,
     }
 }
 

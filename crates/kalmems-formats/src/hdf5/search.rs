@@ -3,54 +3,36 @@
 use super::datatype::DatatypeKind;
 use super::header::MessageKind as Message;
 use super::links::{LinkTarget, is_group, links};
-use super::objects::{LinkOutcome, Object};
-use super::{FoundDataset, Hdf5TableParts, OBJECTS, unsupported};
-use crate::{FormatError, Hints, OmittedPart, limits};
+use super::objects::Object;
+use super::{FORMAT, FoundDataset, Hdf5TableParts, OBJECTS, unsupported};
+use crate::table_parts::only;
+use crate::{Hints, OmittedPart, Result, limits};
 use std::collections::VecDeque;
 
-/// Where a table is.
-struct TablePlace {
-    object: Object,
-    path: String,
-    /// A group of columns, and not a dataset that is a table by itself.
-    is_group: bool,
-}
+/// Where tables are: the path, the object, and whether it is a group of columns and not a dataset that is a table by itself.
+type TablePlaces = Vec<(String, (Object, bool))>;
 
 impl Hdf5TableParts {
     /// Takes the only table that there is.
-    pub(super) fn find(&mut self, hints: &Hints) -> Result<(), FormatError> {
+    pub(super) fn find(&mut self, hints: &Hints) -> Result<()> {
         let mut places = self.places()?;
         let mut others = Vec::new();
-        if let Some(root) = places.iter().position(|place| place.path == "/") {
+        if let Some(root) = places.iter().position(|(path, _)| path == "/") {
             places.swap(0, root);
-            let own = |TablePlace { path, .. }: TablePlace| {
+            // Datasets beside the columns are columns or left out themselves.
+            let is_other =
+                |(path, (_, is_group)): &(String, (Object, bool))| *is_group || path[1..].contains('/');
+            others.extend(places.drain(1..).filter(is_other).map(|(path, _)| {
                 let why = format!("a table of its own: write `group = \"{path}\"`");
                 OmittedPart::new(path, why)
-            };
-            // Datasets beside the columns are columns or left out themselves.
-            others.extend(
-                places.drain(1..).filter(|place| place.is_group || place.path[1..].contains('/')).map(own),
-            );
+            }));
         }
-        let Some(TablePlace { object, path, is_group }) = places.pop() else {
+        let Some((path, (object, is_group))) = only(FORMAT, places)? else {
             let remedy = "write one dataset of one axis for each column";
-            return Err(match &self.table.left_out[..] {
-                [] => unsupported("a file without a column of numbers", remedy),
-                left_out => unsupported(
-                    format!("a file without a column of numbers ({})", limits::list(left_out)),
-                    remedy,
-                ),
-            });
+            let left_out = limits::list(&self.table.left_out);
+            let which = if left_out.is_empty() { left_out } else { format!(" ({left_out})") };
+            return Err(unsupported(format!("a file without a column of numbers{which}"), remedy));
         };
-        if !places.is_empty() {
-            places.push(TablePlace { object, path, is_group });
-            let mut paths: Vec<String> = places.iter().map(|place| format!("`{}`", place.path)).collect();
-            paths.sort();
-            return Err(unsupported(
-                "several tables at a time",
-                &format!("write `group` as one of {}", limits::list(&paths)),
-            ));
-        }
         // What was looked at on the way does not belong to it.
         self.table.left_out = others;
         if is_group {
@@ -62,7 +44,7 @@ impl Hdf5TableParts {
 
     /// The groups with columns, and the datasets that are tables by themselves. Each group is looked into once, by
     /// whatever ways it is reached: links to what is above are no deeper.
-    fn places(&mut self) -> Result<Vec<TablePlace>, FormatError> {
+    fn places(&mut self) -> Result<TablePlaces> {
         let mut places = Vec::new();
         let mut seen: Vec<Object> = Vec::new();
         let mut groups = VecDeque::from([(self.files.root(), String::new())]);
@@ -72,7 +54,7 @@ impl Hdf5TableParts {
         loop {
             let Some((group, path)) = groups.pop_front() else {
                 let Some((group, target, path)) = linked.pop() else { return Ok(places) };
-                let LinkOutcome::Object(object) = self.files.follow(&group, &target)? else { continue };
+                let Ok(object) = self.files.follow(&group, &target)? else { continue };
                 if is_group(&object.header()?) {
                     groups.push_back((object, path));
                 }
@@ -87,7 +69,7 @@ impl Hdf5TableParts {
             for link in links(&group.file, &group.header()?)? {
                 spend(&mut budget)?;
                 let place = format!("{path}/{}", link.name);
-                let LinkOutcome::Object(object) = self.files.follow(&group, &link.target)? else { continue };
+                let Ok(object) = self.files.follow(&group, &link.target)? else { continue };
                 // What is damaged is said where its group is read.
                 let Ok(header) = object.header() else { continue };
                 if is_group(&header) {
@@ -113,7 +95,7 @@ impl Hdf5TableParts {
                     _ if found.is_class("char") || found.space.count() == 1 => {}
                     (DatatypeKind::Number(_), [_] | [1, _] | [_, 1]) => has_columns = true,
                     (DatatypeKind::Fields { .. }, [_]) | (DatatypeKind::Number(_), [_, _]) => {
-                        tables.push(TablePlace { object, path: place, is_group: false });
+                        tables.push((place, (object, false)));
                     }
                     _ => {}
                 }
@@ -121,7 +103,7 @@ impl Hdf5TableParts {
             // Beside columns, other tables are columns too, or left out and said to be.
             if has_columns {
                 let path = if path.is_empty() { "/".to_owned() } else { path };
-                places.push(TablePlace { object: group, path, is_group: true });
+                places.push((path, (group, true)));
             } else {
                 places.append(&mut tables);
             }
@@ -129,15 +111,10 @@ impl Hdf5TableParts {
     }
 }
 
-fn spend(budget: &mut usize) -> Result<(), FormatError> {
-    match budget.checked_sub(1) {
-        Some(rest) => {
-            *budget = rest;
-            Ok(())
-        }
-        None => Err(unsupported(
-            format!("a file of more than {OBJECTS} objects"),
-            "write the path of the table in `group`",
-        )),
-    }
+fn spend(budget: &mut usize) -> Result<()> {
+    *budget = budget.checked_sub(1).ok_or_else(|| {
+        let what = format!("a file of more than {OBJECTS} objects");
+        unsupported(what, "write the path of the table in `group`")
+    })?;
+    Ok(())
 }

@@ -1,41 +1,31 @@
 //! HDF5's B-trees, whose records are visited in their order (HDF5 File Format Specification, section III.A).
 
 use super::file::{ADDRESS, Hdf5File, LENGTH, MetadataCursor, check_sum};
-use crate::{FormatError, limits};
+use crate::{Result, limits, refuse_if};
 
 /// Levels of a tree.
 const LEVELS: u8 = 32;
 
-/// Visits the leaves of a tree of the first version: the key before each, and its address. `key` is the bytes of a key.
+/// Visits the leaves of a tree of the first version: the key before each, and its address. `key` is the bytes of a key, and `above` the level of
+/// the node that this one is in, which the first is in none.
 pub(super) fn older(
     file: &Hdf5File,
     address: u64,
-    kind: u8,
-    key: usize,
-    visit: &mut dyn FnMut(&mut MetadataCursor<'_>, u64) -> Result<(), FormatError>,
-) -> Result<(), FormatError> {
-    node(file, address, kind, key, None, visit)
-}
-
-fn node(
-    file: &Hdf5File,
-    address: u64,
-    kind: u8,
-    key: usize,
-    above: Option<u8>,
-    visit: &mut dyn FnMut(&mut MetadataCursor<'_>, u64) -> Result<(), FormatError>,
-) -> Result<(), FormatError> {
+    (kind, key, above): (u8, usize, Option<u8>),
+    visit: &mut dyn FnMut(&mut MetadataCursor<'_>, u64) -> Result<()>,
+) -> Result<()> {
     let prefix = 8 + 2 * ADDRESS;
     let head = file.block(address, prefix as u64)?;
     let mut cursor = file.cursor(&head, address);
     cursor.mark(b"TREE")?;
     let (found, level) = (cursor.u8()?, cursor.u8()?);
-    if found != kind || level > LEVELS || above.is_some_and(|above| level.checked_add(1) != Some(above)) {
-        return Err(cursor.damaged(
-            format!("a node of kind {found} on level {level}"),
-            &format!("kind {kind}, and each level below the one above it"),
-        ));
-    }
+    refuse_if(
+        found != kind || level > LEVELS || above.is_some_and(|above| level.checked_add(1) != Some(above)),
+        || {
+            let expected = format!("kind {kind}, and each level below the one above it");
+            cursor.damaged(format!("a node of kind {found} on level {level}"), &expected)
+        },
+    )?;
     let entries = usize::from(cursor.u16()?);
     let bytes = prefix + entries * (key + ADDRESS);
     let block = file.block(address, bytes as u64)?;
@@ -47,18 +37,17 @@ fn node(
         if level == 0 {
             visit(&mut before, child)?;
         } else {
-            node(file, child, kind, key, Some(level), visit)?;
+            older(file, child, (kind, key, Some(level)), visit)?;
         }
     }
     Ok(())
 }
 
+/// Hears of a record of a tree of the second version, with the kind of tree.
+type VisitRecord<'a> = &'a mut dyn FnMut(u8, &mut MetadataCursor<'_>) -> Result<()>;
+
 /// Visits the records of a tree of the second version; the first argument is the kind of tree.
-pub(super) fn newer(
-    file: &Hdf5File,
-    address: u64,
-    visit: &mut dyn FnMut(u8, &mut MetadataCursor<'_>) -> Result<(), FormatError>,
-) -> Result<(), FormatError> {
+pub(super) fn newer(file: &Hdf5File, address: u64, visit: VisitRecord<'_>) -> Result<()> {
     let head = file.block(address, (22 + ADDRESS + LENGTH) as u64)?;
     let mut cursor = file.cursor(&head, address);
     cursor.mark(b"BTHD")?;
@@ -70,12 +59,11 @@ pub(super) fn newer(
     cursor.u64()?;
     check_sum(&mut cursor)?;
     let small = (node_bytes as usize) < 10 + record || record == 0 || depth > u16::from(LEVELS);
-    if small || u64::from(node_bytes) > limits::HEADER_BYTES {
-        return Err(cursor.damaged(
-            format!("a tree of {depth} levels with nodes of {node_bytes} bytes and records of {record}"),
-            "nodes that hold a record, and at most 32 levels",
-        ));
-    }
+    refuse_if(small || u64::from(node_bytes) > limits::HEADER_BYTES, || {
+        let nodes = format!("nodes of {node_bytes} bytes and records of {record}");
+        let expected = "nodes that hold a record, and at most 32 levels";
+        cursor.damaged(format!("a tree of {depth} levels with {nodes}"), expected)
+    })?;
     // How many records a node of each level holds at most, which gives the width of what counts them.
     let width = |count: u64| (count.max(1).ilog2() / 8 + 1) as usize;
     let most = (node_bytes as usize - 10) / record;
@@ -88,9 +76,9 @@ pub(super) fn newer(
         let all = (count as u64 + 1).saturating_mul(below).saturating_add(count as u64);
         levels.push((all, width(all)));
     }
-    let tree = BTree { file, kind, record, node_bytes, own, levels };
+    let mut tree = BTree { file, kind, record, node_bytes, own, levels, visit };
     let Some(root) = root.filter(|_| records > 0) else { return Ok(()) };
-    tree.node(root, usize::from(depth), records, visit)
+    tree.node(root, usize::from(depth), records)
 }
 
 struct BTree<'a> {
@@ -102,16 +90,11 @@ struct BTree<'a> {
     own: usize,
     /// Records in and below a node of each level at most, and the width of their number.
     levels: Vec<(u64, usize)>,
+    visit: VisitRecord<'a>,
 }
 
 impl BTree<'_> {
-    fn node(
-        &self,
-        address: u64,
-        level: usize,
-        records: usize,
-        visit: &mut dyn FnMut(u8, &mut MetadataCursor<'_>) -> Result<(), FormatError>,
-    ) -> Result<(), FormatError> {
+    fn node(&mut self, address: u64, level: usize, records: usize) -> Result<()> {
         // A leaf's pointers are none; the width of what counts all below is that of the level below.
         let below = level.checked_sub(1).and_then(|below| self.levels.get(below));
         let pointer = below.map_or(0, |(_, width)| ADDRESS + self.own + width);
@@ -121,9 +104,9 @@ impl BTree<'_> {
         let mut cursor = self.file.cursor(&block, address);
         cursor.mark(if level == 0 { b"BTLF" } else { b"BTIN" })?;
         let kind = cursor.skip(1)?.u8()?;
-        if kind != self.kind {
-            return Err(cursor.damaged(format!("a node of kind {kind}"), &format!("{}", self.kind)));
-        }
+        refuse_if(kind != self.kind, || {
+            cursor.damaged(format!("a node of kind {kind}"), &format!("{}", self.kind))
+        })?;
         let mut own = cursor.part(records * self.record)?;
         let mut pointers = cursor.part(children * pointer)?;
         check_sum(&mut cursor)?;
@@ -132,16 +115,11 @@ impl BTree<'_> {
                 let child = pointers.known_address()?;
                 let count = usize::try_from(pointers.number(self.own)?).unwrap_or(usize::MAX);
                 pointers.skip(pointer - ADDRESS - self.own)?;
-                limits::at_most(
-                    super::FORMAT,
-                    "the records of a node",
-                    count as u64,
-                    u64::from(self.node_bytes),
-                )?;
-                self.node(child, level - 1, count, visit)?;
+                limits::at_most(super::FORMAT, "the records of a node", count, u64::from(self.node_bytes))?;
+                self.node(child, level - 1, count)?;
             }
             if number < records {
-                visit(self.kind, &mut own.part(self.record)?)?;
+                (self.visit)(self.kind, &mut own.part(self.record)?)?;
             }
         }
         Ok(())

@@ -10,45 +10,50 @@ use super::layout::DataLayout;
 use super::objects::Object;
 use super::{FORMAT, FoundDataset, TEXTS, unsupported};
 use crate::element::Element;
-use crate::lanes::UnpackedRecords;
 use crate::records::{RecordLane, TextEncoding};
 use crate::source::SharedFile;
-use crate::{FormatError, limits};
+use crate::stream::{FileStretch, StreamLane};
+use crate::{FormatError, Result, limits};
 use std::sync::Arc;
 
 /// Where the values of a dataset are.
 pub(super) enum DatasetValues {
     /// One after the other from a place of a file on, or in memory.
-    Stretch(Arc<SharedFile>, u64),
+    Stretch(FileStretch, u64),
     /// In chunks, which give records.
     Chunks(Box<ChunkLane>),
 }
 
-/// The values of a dataset of rows and columns, whose elements have so many bytes. `turned` says that its last axis are the rows.
-pub(super) fn values(
-    found: &FoundDataset,
-    element: usize,
-    (rows, columns): (u64, u64),
-    turned: bool,
-    file_bytes: u64,
-) -> Result<DatasetValues, FormatError> {
+/// Rows and columns of a dataset, whose elements have so many bytes.
+#[derive(Clone, Copy)]
+pub(super) struct DataShape {
+    pub(super) rows: u64,
+    pub(super) columns: u64,
+    pub(super) element: usize,
+    /// The rows are the last of its axes.
+    pub(super) turned: bool,
+}
+
+/// The values of a dataset.
+pub(super) fn values(found: &FoundDataset, shape: DataShape) -> Result<DatasetValues> {
     let FoundDataset { object: Object { file, .. }, header, path, space, .. } = found;
+    let DataShape { rows, columns, element, turned } = shape;
     let what = format!("the bytes of an element of `{path}`");
-    limits::at_most(FORMAT, &what, element as u64, limits::ROW_BYTES as u64)?;
-    limits::plausible_rows(FORMAT, rows.saturating_mul(columns), file_bytes.max(file.source.length()))?;
+    limits::at_most(FORMAT, &what, element, limits::ROW_BYTES)?;
+    limits::plausible_rows(FORMAT, rows.saturating_mul(columns), file.source.length())?;
     let bytes = rows.saturating_mul(columns).saturating_mul(element as u64);
     let damaged = |found: String, expected: String| FormatError::damaged(FORMAT, path, found, expected);
     let never = || unsupported(format!("`{path}`, which was never written,"), "write its values");
-    let source = Arc::clone(&file.source);
+    let whole = |source: &Arc<SharedFile>| FileStretch::stored(Arc::clone(source), FORMAT, "the file");
     match DataLayout::read(file, header)?.ok_or_else(never)? {
-        _ if rows == 0 => Ok(DatasetValues::Stretch(source, 0)),
+        _ if rows == 0 => Ok(DatasetValues::Stretch(whole(&file.source), 0)),
         DataLayout::Contiguous(None) => Err(never()),
         DataLayout::Contiguous(Some(offset)) => {
-            source.within(FORMAT, offset, bytes)?;
-            Ok(DatasetValues::Stretch(source, offset))
+            file.source.within(FORMAT, offset, bytes)?;
+            Ok(DatasetValues::Stretch(whole(&file.source), offset))
         }
         DataLayout::Compact(raw) if raw.len() as u64 == bytes => {
-            Ok(DatasetValues::Stretch(in_memory(raw)?, 0))
+            Ok(DatasetValues::Stretch(whole(&in_memory(raw)?), 0))
         }
         DataLayout::Compact(raw) => Err(damaged(format!("{} bytes", raw.len()), format!("{bytes}"))),
         DataLayout::Chunked(chunked) => {
@@ -74,63 +79,54 @@ pub(super) fn values(
                 progress: LaneProgress::default(),
             })))
         }
-        DataLayout::Virtual => Err(unsupported(
-            format!("`{path}`, a virtual dataset whose values are in other datasets,"),
-            "name those, or copy it with h5repack",
-        )),
-        DataLayout::External => Err(unsupported(
-            format!("`{path}`, whose values are in files that are no HDF5,"),
-            "copy them into one with h5repack",
-        )),
+        DataLayout::Virtual => {
+            let what = format!("`{path}`, a virtual dataset whose values are in other datasets,");
+            Err(unsupported(what, "name those, or copy it with h5repack"))
+        }
+        DataLayout::External => {
+            let what = format!("`{path}`, whose values are in files that are no HDF5,");
+            Err(unsupported(what, "copy them into one with h5repack"))
+        }
     }
 }
 
 /// The values of a dataset as records, each of a row.
-pub(super) fn lane(
-    found: &FoundDataset,
-    element: usize,
-    (rows, columns): (u64, u64),
-    turned: bool,
-    file_bytes: u64,
-) -> Result<Box<dyn RecordLane>, FormatError> {
+pub(super) fn lane(found: &FoundDataset, shape: DataShape) -> Result<Box<dyn RecordLane>> {
+    let DataShape { rows, columns, element, turned } = shape;
     let record = usize::try_from(columns).unwrap_or(0) * element;
-    let (source, offset) = match values(found, element, (rows, columns), turned, file_bytes)? {
+    let (stretch, offset) = match values(found, shape)? {
         DatasetValues::Chunks(lane) => return Ok(lane),
-        DatasetValues::Stretch(source, offset) if turned && columns > 1 => {
+        DatasetValues::Stretch(stretch, offset) if turned && columns > 1 => {
             let bytes = rows.saturating_mul(record as u64);
             limits::at_most(FORMAT, &format!("the bytes of `{}`", found.path), bytes, limits::HEADER_BYTES)?;
-            let raw = source.bytes(FORMAT, offset, usize::try_from(bytes).unwrap_or(0))?;
-            (in_memory(turn(&raw, element, usize::try_from(rows).unwrap_or(0)))?, 0)
+            let raw = stretch.source.bytes(FORMAT, offset, bytes)?;
+            let turned = in_memory(turn(&raw, element, usize::try_from(rows).unwrap_or(0)))?;
+            (FileStretch::stored(turned, FORMAT, "the file"), 0)
         }
-        DatasetValues::Stretch(source, offset) => (source, offset),
+        DatasetValues::Stretch(stretch, offset) => (stretch, offset),
     };
-    Ok(Box::new(UnpackedRecords { source, format: FORMAT, offset, record }))
+    Ok(Box::new(StreamLane::new(stretch, offset, record)))
 }
 
 /// Bytes in memory as a file.
-fn in_memory(bytes: Vec<u8>) -> Result<Arc<SharedFile>, FormatError> {
+fn in_memory(bytes: Vec<u8>) -> Result<Arc<SharedFile>> {
     SharedFile::new(Box::new(std::io::Cursor::new(bytes))).map(Arc::new)
 }
 
-fn filters_of(
-    file: &super::file::Hdf5File,
-    header: &ObjectHeader,
-    path: &str,
-) -> Result<Vec<DatasetFilter>, FormatError> {
+fn filters_of(file: &super::file::Hdf5File, header: &ObjectHeader, path: &str) -> Result<Vec<DatasetFilter>> {
     let ids = header.first(file, Message::Filters, filters::read)?.unwrap_or_default();
     let known = ids.into_iter().map(|id| {
         DatasetFilter::of(id).ok_or_else(|| {
-            unsupported(
-                format!("`{path}`, packed by {},", filters::name(id)),
-                "pack it with gzip, shuffle, fletcher32 or lzf, for instance with h5repack -f GZIP=4",
-            )
+            let remedy =
+                "pack it with gzip, shuffle, fletcher32 or lzf, for instance with h5repack -f GZIP=4";
+            unsupported(format!("`{path}`, packed by {},", filters::name(id)), remedy)
         })
     });
     known.collect()
 }
 
 /// The texts of a dataset of texts of their own lengths, or of a cell array of MATLAB; none where a cell is something else.
-pub(super) fn texts(found: &FoundDataset) -> Result<Option<Vec<Vec<u8>>>, FormatError> {
+pub(super) fn texts(found: &FoundDataset) -> Result<Option<Vec<Vec<u8>>>> {
     let (file, path) = (&found.object.file, &found.path);
     limits::at_most(FORMAT, &format!("the number of texts of `{path}`"), found.space.count(), TEXTS)?;
     let is_text = found.kind == DatatypeKind::Texts;
@@ -158,7 +154,7 @@ pub(super) fn texts(found: &FoundDataset) -> Result<Option<Vec<Vec<u8>>>, Format
 }
 
 /// The text that a cell of MATLAB refers to.
-fn characters(found: &FoundDataset, address: u64) -> Result<Option<Vec<u8>>, FormatError> {
+fn characters(found: &FoundDataset, address: u64) -> Result<Option<Vec<u8>>> {
     let object = Object { file: Arc::clone(&found.object.file), address };
     let header = object.header()?;
     if !header.has(Message::Layout) {
@@ -185,7 +181,7 @@ pub(super) fn single(found: &FoundDataset, element: Element) -> Option<f64> {
 }
 
 /// All elements of a small dataset, in the order in which they are stored.
-fn cells(found: &FoundDataset, element: usize) -> Result<Vec<u8>, FormatError> {
+fn cells(found: &FoundDataset, element: usize) -> Result<Vec<u8>> {
     let (path, shape) = (&found.path, &found.space.shape);
     let bytes = found.space.count().saturating_mul(element as u64);
     limits::at_most(FORMAT, &format!("the bytes of `{path}`"), bytes, limits::HEADER_BYTES)?;
@@ -196,7 +192,7 @@ fn cells(found: &FoundDataset, element: usize) -> Result<Vec<u8>, FormatError> {
         _ => return Err(unsupported(format!("`{path}` of {} axes", shape.len()), "write one axis")),
     };
     let mut raw = Vec::new();
-    let mut lane = lane(found, element, (rows, columns), false, found.object.file.source.length())?;
+    let mut lane = lane(found, DataShape { rows, columns, element, turned: false })?;
     // At most HEADER_BYTES.
     lane.read(usize::try_from(rows).unwrap_or(0), &mut raw)?;
     Ok(raw)

@@ -1,8 +1,9 @@
 //! The arrays of a MAT file (MathWorks, MAT-File Format, version 5), as far as their headers.
 
 use crate::element::{Element, ElementKind};
+use crate::records::utf16;
 use crate::stream::StretchReader;
-use crate::{FormatError, limits};
+use crate::{Result, limits, refuse_if};
 
 pub(super) const FORMAT: &str = "MAT 5";
 /// An array.
@@ -53,7 +54,7 @@ pub(super) struct MemoryBudget {
 }
 
 impl MemoryBudget {
-    fn take(&mut self, bytes: u64) -> Result<(), FormatError> {
+    fn take(&mut self, bytes: u64) -> Result<()> {
         limits::at_most(FORMAT, "the length of texts", bytes, self.text_bytes)?;
         self.text_bytes -= bytes;
         Ok(())
@@ -61,48 +62,51 @@ impl MemoryBudget {
 }
 
 impl Elements {
-    pub(super) fn u32(&self, bytes: [u8; 4]) -> u32 {
-        if self.big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
+    /// Numbers of 32 bits.
+    fn words(&self, bytes: &[u8]) -> Vec<u32> {
+        let word =
+            |b: &[u8; 4]| if self.big_endian { u32::from_be_bytes(*b) } else { u32::from_le_bytes(*b) };
+        bytes.as_chunks().0.iter().map(word).collect()
     }
 
-    fn tag(&mut self) -> Result<Tag, FormatError> {
-        let raw = self.stream.bytes(8)?;
-        let (first, second) = ([raw[0], raw[1], raw[2], raw[3]], [raw[4], raw[5], raw[6], raw[7]]);
-        let word = self.u32(first);
+    fn tag(&mut self) -> Result<Tag> {
+        let raw = self.stream.next_bytes(8)?;
+        let words = self.words(&raw);
+        let (word, second) = (words[0], words[1]);
         if word >> 16 == 0 {
-            return Ok(Tag { kind: word, bytes: u64::from(self.u32(second)), within: None });
+            return Ok(Tag { kind: word, bytes: u64::from(second), within: None });
         }
         let bytes = u64::from(word >> 16);
-        if bytes > 4 {
-            return Err(self.stream.damaged(format!("a small element of {bytes} bytes"), "at most 4"));
-        }
-        Ok(Tag { kind: word & 0xffff, bytes, within: Some(second) })
+        refuse_if(bytes > 4, || {
+            self.stream.damaged(format!("a small element of {bytes} bytes"), "at most 4")
+        })?;
+        Ok(Tag { kind: word & 0xffff, bytes, within: Some([raw[4], raw[5], raw[6], raw[7]]) })
     }
 
     /// A short element's kind and bytes.
-    fn short(&mut self, what: &str, limit: usize) -> Result<(u32, Vec<u8>), FormatError> {
+    fn short(&mut self, what: &str, limit: usize) -> Result<(u32, Vec<u8>)> {
         let tag = self.tag()?;
-        limits::at_most(FORMAT, &format!("the length of {what}"), tag.bytes, limit as u64)?;
+        limits::at_most(FORMAT, &format!("the length of {what}"), tag.bytes, limit)?;
         #[allow(clippy::cast_possible_truncation)] // bounded by the line above
         let count = tag.bytes as usize;
         if let Some(within) = tag.within {
             return Ok((tag.kind, within[..count].to_vec()));
         }
-        let bytes = self.stream.bytes(count)?;
+        let bytes = self.stream.next_bytes(count)?;
         self.stream.skip(padding(tag.bytes))?;
         Ok((tag.kind, bytes))
     }
 
     /// Reads the headers of an array, and passes over what it holds.
-    pub(super) fn array(&mut self, budget: &mut MemoryBudget) -> Result<MatVariable, FormatError> {
+    pub(super) fn array(&mut self, budget: &mut MemoryBudget) -> Result<MatVariable> {
         self.nested(budget, DEPTH)
     }
 
-    fn nested(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<MatVariable, FormatError> {
+    fn nested(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<MatVariable> {
         let tag = self.tag()?;
-        if tag.kind != MATRIX || tag.within.is_some() {
-            return Err(self.stream.damaged(format!("an element of type {}", tag.kind), "an array (14)"));
-        }
+        refuse_if(tag.kind != MATRIX || tag.within.is_some(), || {
+            self.stream.damaged(format!("an element of type {}", tag.kind), "an array (14)")
+        })?;
         if depth == DEPTH {
             limits::plausible_unpacked(FORMAT, "a variable", tag.bytes, self.stream.packed())?;
         }
@@ -126,12 +130,11 @@ impl Elements {
         Ok(variable)
     }
 
-    fn body(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<MatVariable, FormatError> {
+    fn body(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<MatVariable> {
         let (_, flags) = self.short("an array's flags", 16)?;
-        if flags.len() < 8 {
+        let [word, _, ..] = self.words(&flags)[..] else {
             return Err(self.stream.damaged(format!("flags of {} bytes", flags.len()), "8"));
-        }
-        let word = self.u32([flags[0], flags[1], flags[2], flags[3]]);
+        };
         let (class, complex) = (word & 0xff, word & 0x800 != 0);
         if class == 17 {
             // Its name, the kind of objects that it is one of, and its class.
@@ -144,8 +147,7 @@ impl Elements {
             return Ok(MatVariable { name, value: MatValue::Object(class) });
         }
         let (_, dimensions) = self.short("an array's dimensions", 8 * 32)?;
-        let lengths: Vec<u64> =
-            dimensions.chunks_exact(4).map(|b| u64::from(self.u32([b[0], b[1], b[2], b[3]]))).collect();
+        let lengths: Vec<u64> = self.words(&dimensions).into_iter().map(u64::from).collect();
         let (_, name) = self.short("an array's name", limits::TEXT_BYTES)?;
         let name = String::from_utf8_lossy(&name).into_owned();
         let other = |what| MatValue::Other(what);
@@ -169,13 +171,7 @@ impl Elements {
         Ok(MatVariable { name, value })
     }
 
-    fn numbers(
-        &mut self,
-        rows: u64,
-        columns: u64,
-        count: u64,
-        depth: usize,
-    ) -> Result<MatValue, FormatError> {
+    fn numbers(&mut self, rows: u64, columns: u64, count: u64, depth: usize) -> Result<MatValue> {
         let tag = self.tag()?;
         let (kind, bytes) = match tag.kind {
             1 => (ElementKind::Signed, 1),
@@ -193,12 +189,10 @@ impl Elements {
             }
         };
         let element = Element { kind, bytes, big_endian: self.big_endian };
-        if count.checked_mul(bytes as u64) != Some(tag.bytes) {
-            return Err(self.stream.damaged(
-                format!("{} bytes of numbers", tag.bytes),
-                format!("{bytes} for each of {rows} × {columns}"),
-            ));
-        }
+        refuse_if(count.checked_mul(bytes as u64) != Some(tag.bytes), || {
+            let expected = format!("{bytes} for each of {rows} × {columns}");
+            self.stream.damaged(format!("{} bytes of numbers", tag.bytes), expected)
+        })?;
         // A single number may be within the tag.
         let place = if tag.within.is_some() { self.stream.position() - 4 } else { self.stream.position() };
         if tag.within.is_none() && depth < DEPTH {
@@ -207,19 +201,14 @@ impl Elements {
         Ok(MatValue::Numbers { place, element, rows, columns })
     }
 
-    fn fields(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<Vec<MatVariable>, FormatError> {
+    fn fields(&mut self, budget: &mut MemoryBudget, depth: usize) -> Result<Vec<MatVariable>> {
         let (_, length) = self.short("a length", 4)?;
-        let length = match length[..] {
-            [a, b, c, d] => self.u32([a, b, c, d]) as usize,
-            _ => 0,
-        };
+        let length = self.words(&length).first().map_or(0, |length| *length as usize);
         let (_, names) = self.short("the names of fields", limits::TEXT_BYTES * 256)?;
-        if length == 0 || length > limits::TEXT_BYTES || names.len() % length != 0 {
-            return Err(self.stream.damaged(
-                format!("names of {length} bytes in {}", names.len()),
-                "names of one length above 0",
-            ));
-        }
+        refuse_if(length == 0 || length > limits::TEXT_BYTES || names.len() % length != 0, || {
+            self.stream
+                .damaged(format!("names of {length} bytes in {}", names.len()), "names of one length above 0")
+        })?;
         budget.take(names.len() as u64)?;
         let mut fields = Vec::new();
         for name in names.chunks_exact(length) {
@@ -232,12 +221,7 @@ impl Elements {
     }
 
     /// Cells that are texts.
-    fn cells(
-        &mut self,
-        budget: &mut MemoryBudget,
-        count: u64,
-        depth: usize,
-    ) -> Result<MatValue, FormatError> {
+    fn cells(&mut self, budget: &mut MemoryBudget, count: u64, depth: usize) -> Result<MatValue> {
         if depth == 0 || count > budget.arrays {
             return Ok(MatValue::Other("many cells"));
         }
@@ -253,37 +237,29 @@ impl Elements {
     }
 
     /// A matrix of characters, column after column: a text a row.
-    fn characters(
-        &mut self,
-        budget: &mut MemoryBudget,
-        rows: u64,
-        columns: u64,
-    ) -> Result<MatValue, FormatError> {
+    fn characters(&mut self, budget: &mut MemoryBudget, rows: u64, columns: u64) -> Result<MatValue> {
         let (kind, bytes) = self.short("texts", usize::try_from(budget.text_bytes).unwrap_or(usize::MAX))?;
         // What a text takes beside its bytes.
         budget.take(bytes.len() as u64 + rows.saturating_mul(64))?;
         let letters: Vec<char> = match kind {
             1 | 2 | 16 => String::from_utf8_lossy(&bytes).chars().collect(),
-            4 | 17 => {
-                let order = |b: &[u8]| if self.big_endian { [b[1], b[0]] } else { [b[0], b[1]] };
-                let units = bytes.chunks_exact(2).map(|b| u16::from_le_bytes(order(b)));
-                char::decode_utf16(units)
-                    .map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER))
-                    .collect()
-            }
+            4 | 17 => utf16(&bytes, self.big_endian).chars().collect(),
             _ => return Ok(MatValue::Other("characters of another code")),
         };
-        if letters.len() as u64 != rows * columns {
-            return Err(self
-                .stream
-                .damaged(format!("{} characters", letters.len()), format!("{rows} × {columns}")));
-        }
+        refuse_if(letters.len() as u64 != rows * columns, || {
+            self.stream.damaged(format!("{} characters", letters.len()), format!("{rows} × {columns}"))
+        })?;
         #[allow(clippy::cast_possible_truncation)] // the budget holds it
         let rows = rows as usize;
-        let text = |row: usize| letters.iter().skip(row).step_by(rows).collect::<String>().into_bytes();
         // Nothing in a row is an empty text.
-        Ok(MatValue::Texts(if rows == 0 { vec![Vec::new()] } else { (0..rows).map(text).collect() }))
+        Ok(MatValue::Texts(if rows == 0 { vec![Vec::new()] } else { texts(&letters, rows) }))
     }
+}
+
+/// The rows of a matrix of characters, which stand column after column.
+pub(super) fn texts(letters: &[char], rows: usize) -> Vec<Vec<u8>> {
+    let text = |row: usize| letters.iter().skip(row).step_by(rows).collect::<String>().into_bytes();
+    (0..rows).map(text).collect()
 }
 
 /// Elements begin at multiples of eight bytes.

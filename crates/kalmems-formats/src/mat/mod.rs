@@ -9,8 +9,8 @@ use crate::lanes::TextLane;
 use crate::records::{CellKind, StoredCell};
 use crate::source::SharedFile;
 use crate::stream::{Compression, FileStretch, VERIFIED_AT_ONCE};
-use crate::table_parts::{StoredArray, TableParts, becomes_columns};
-use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
+use crate::table_parts::{StoredArray, TableParts, becomes_columns, only};
+use crate::{Column, FormatError, Hints, Result, Table, limits};
 use array::{COMPRESSED, Elements, FORMAT, MATRIX, MatValue, MatVariable, MemoryBudget};
 use std::sync::Arc;
 
@@ -22,13 +22,13 @@ const TABLE_REMEDY: &str = "save `S = table2struct(T, ToScalar=true)` with `save
 
 pub(crate) use version4::begins as begins_as_four;
 
-pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>> {
     let source = Arc::new(source);
     let mut head = [0; 128];
     let count = source.read_some(0, &mut head)?;
     let is_old = !head.ends_with(b"IM")
         && !head.ends_with(b"MI")
-        && version4::begins(&source.bytes(FORMAT, 0, count)?);
+        && version4::begins(&source.bytes(FORMAT, 0, count as u64)?);
     let (format, found) = if is_old {
         (version4::FORMAT, version4::variables(&source)?)
     } else {
@@ -37,103 +37,54 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
     let mut table = MatTable(TableParts::new(format));
     // What MATLAB keeps behind the variables for their objects has no name.
     let found = found.into_iter().filter(|(_, variable)| !variable.name.is_empty());
-    if let Some(path) = &hints.group {
-        let (stretch, value) = at_path(format, found.collect(), path)?;
-        match value {
-            MatValue::Fields(fields) => table.add_struct(&stretch, path, fields)?,
-            value => table.add_matrix(&stretch, &MatVariable { name: path.clone(), value }, hints)?,
+    let chosen = match &hints.group {
+        Some(path) => Some((path.clone(), at_path(format, found.collect(), path)?)),
+        None => table.add_variables(found)?,
+    };
+    match chosen {
+        Some((path, (stretch, MatValue::Fields(fields)))) => {
+            table.0.recognised = match &hints.group {
+                Some(_) => format!("the fields of `{path}`, a column each"),
+                None => format!("the fields of the only struct, `{path}`, a column each"),
+            };
+            fields.into_iter().try_for_each(|field| table.add(&stretch, field))?;
         }
-        return table.finish(source.length());
+        Some((name, (stretch, value))) => table.add_matrix(&stretch, &MatVariable { name, value }, hints)?,
+        None => {}
     }
-    let (mut columns, mut structs, mut matrices) = (Vec::new(), Vec::new(), Vec::new());
-    for (stretch, variable) in found {
-        match &variable.value {
-            MatValue::Fields(_) => structs.push((stretch, variable)),
-            MatValue::Numbers { rows, columns, .. } if *rows > 1 && *columns > 1 => {
-                matrices.push((stretch, variable));
-            }
-            _ => columns.push((stretch, variable)),
-        }
-    }
-    table.0.recognised.push_str("the variables, a column each");
-    if columns.iter().any(|(_, variable)| is_column(&variable.value)) {
-        table
-            .0
-            .left_out
-            .extend(structs.iter().map(|(_, variable)| OmittedPart::new(&variable.name, "a struct")));
-        for (stretch, variable) in columns {
-            table.add(&stretch, variable)?;
-        }
-        for (stretch, matrix) in matrices {
-            table.add_beside(&stretch, matrix)?;
-        }
-        return table.finish(source.length());
-    }
-    // Tables within structs, each with the path to it.
-    let mut places = Vec::new();
-    for (stretch, MatVariable { name, value }) in structs {
-        let MatValue::Fields(fields) = value else { continue };
-        within(stretch, name, fields, &mut places);
-    }
-    match (&mut places[..], &matrices[..]) {
-        ([_], []) => {
-            for (stretch, path, fields) in places {
-                table.add_struct(&stretch, &path, fields)?;
-                table.0.recognised = format!("the fields of the only struct, `{path}`, a column each");
-            }
-        }
-        ([], [(stretch, matrix)]) => table.add_matrix(stretch, matrix, hints)?,
-        _ => {
-            let names = matrices.iter().map(|(_, matrix)| format!("`{}`", matrix.name));
-            let names: Vec<String> =
-                places.iter().map(|(_, path, _)| format!("`{path}`")).chain(names).collect();
-            if names.is_empty() {
-                for (stretch, variable) in columns {
-                    table.add(&stretch, variable)?;
-                }
-                return table.finish(source.length());
-            }
-            return Err(FormatError::unsupported(
-                format,
-                "several tables at a time",
-                format!("write `group` as one of {}", limits::list(&names)),
-            ));
-        }
-    }
-    table.finish(source.length())
+    let remedy = "save one vector for each column, or name a struct or matrix by `group`; a table becomes a struct by \
+                  `table2struct(T, ToScalar=true)`";
+    table.0.finish(source.length(), "variables of one number", remedy)
 }
 
-/// The structs with columns, in a struct and in its fields.
-fn within(
-    stretch: FileStretch,
-    path: String,
-    fields: Vec<MatVariable>,
-    places: &mut Vec<(FileStretch, String, Vec<MatVariable>)>,
-) {
+/// Variables with the stretches that they are in.
+type MatVariables = Vec<(FileStretch, MatVariable)>;
+
+/// A value that may be a table, with its path and the stretch that it is in.
+type MatPlace = (String, (FileStretch, MatValue));
+
+/// The structs with columns, in a value and in its fields.
+fn within(stretch: &FileStretch, path: String, value: MatValue, places: &mut Vec<MatPlace>) {
+    let MatValue::Fields(fields) = value else { return };
     if fields.iter().any(|field| is_column(&field.value)) {
-        places.push((stretch, path, fields));
+        places.push((path, (stretch.clone(), MatValue::Fields(fields))));
         return;
     }
     for MatVariable { name, value } in fields {
-        if let MatValue::Fields(fields) = value {
-            within(stretch.clone(), format!("{path}.{name}"), fields, places);
-        }
+        within(stretch, format!("{path}.{name}"), value, places);
     }
 }
 
 /// All variables, and the stretches that they are in.
-fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>, FormatError> {
+fn variables(source: &Arc<SharedFile>) -> Result<MatVariables> {
     let header = source.bytes(FORMAT, 0, 128)?;
     let big_endian = match &header[124..128] {
         [1, 0, b'M', b'I'] => true,
         [0, 1, b'I', b'M'] => false,
         _ => {
-            return Err(FormatError::damaged(
-                FORMAT,
-                "byte 124",
-                format!("`{}`", header[124..128].escape_ascii()),
-                "version 0x0100 and the order of bytes, IM or MI",
-            ));
+            let found = format!("`{}`", header[124..128].escape_ascii());
+            let expected = "version 0x0100 and the order of bytes, IM or MI";
+            return Err(FormatError::damaged(FORMAT, "byte 124", found, expected));
         }
     };
     let mut budget = MemoryBudget { text_bytes: limits::HEADER_BYTES, arrays: 4 * limits::COLUMNS as u64 };
@@ -152,20 +103,16 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
             MATRIX => (Compression::Stored, at),
             COMPRESSED => (Compression::Zlib, start),
             _ => {
-                return Err(FormatError::damaged_at(
-                    FORMAT,
-                    at,
-                    format!("an element of type {kind}"),
-                    "an array (14), or one that is packed (15)",
-                ));
+                let found = format!("an element of type {kind}");
+                let expected = "an array (14), or one that is packed (15)";
+                return Err(FormatError::damaged_at(FORMAT, at, found, expected));
             }
         };
-        limits::at_most(FORMAT, "the number of variables", found.len() as u64, limits::COLUMNS as u64)?;
         let whole = FileStretch::stored(Arc::clone(source), FORMAT, &format!("the variable at byte {at}"));
         let mut stretch = FileStretch { packing, start, end, unpacked: end - start, ..whole };
         if packing == Compression::Zlib {
             // An array with its tag of eight bytes.
-            stretch.unpacked = 8 + words(&stretch.stream().bytes(8)?)?.1;
+            stretch.unpacked = 8 + words(&stretch.stream().next_bytes(8)?)?.1;
         }
         let mut elements = Elements { stream: stretch.stream(), big_endian };
         let variable = elements.array(&mut budget)?;
@@ -173,24 +120,17 @@ fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>
         if !is_column(&variable.value) || stretch.unpacked <= VERIFIED_AT_ONCE {
             stretch.verify()?;
         }
-        found.push((stretch, variable));
+        limits::push(FORMAT, "the number of variables", &mut found, (stretch, variable))?;
         at = end;
     }
     Ok(found)
 }
 
 /// The value of a variable, or of a struct's field: `rig`, `rig.run_1`.
-fn at_path(
-    format: &'static str,
-    found: Vec<(FileStretch, MatVariable)>,
-    path: &str,
-) -> Result<(FileStretch, MatValue), FormatError> {
+fn at_path(format: &'static str, found: MatVariables, path: &str) -> Result<(FileStretch, MatValue)> {
     let missing = |name: &str| {
-        FormatError::unsupported(
-            format,
-            format!("`{name}` of `{path}`, which is not in the file,"),
-            "write the name of a variable that is, or `struct.field`",
-        )
+        let what = format!("`{name}` of `{path}`, which is not in the file,");
+        FormatError::unsupported(format, what, "write the name of a variable that is, or `struct.field`")
     };
     let mut words = path.split('.');
     let first = words.next().unwrap_or_default();
@@ -217,27 +157,32 @@ fn is_column(value: &MatValue) -> bool {
 struct MatTable(TableParts);
 
 impl MatTable {
-    /// The fields of a struct.
-    fn add_struct(
+    /// Adds the variables as columns; if none is one, gives the only table among them, if there is one.
+    fn add_variables(
         &mut self,
-        stretch: &FileStretch,
-        path: &str,
-        fields: Vec<MatVariable>,
-    ) -> Result<(), FormatError> {
-        self.0.recognised = format!("the fields of `{path}`, a column each");
-        for field in fields {
-            match field.value {
-                MatValue::Numbers { rows, columns, .. } if rows > 1 && columns > 1 => {
-                    self.add_beside(stretch, field)?;
+        found: impl Iterator<Item = (FileStretch, MatVariable)>,
+    ) -> Result<Option<MatPlace>> {
+        self.0.recognised.push_str("the variables, a column each");
+        let found: MatVariables = found.collect();
+        let mut places = Vec::new();
+        if !found.iter().any(|(_, variable)| is_column(&variable.value)) {
+            for (stretch, MatVariable { name, value }) in found {
+                match value {
+                    MatValue::Fields(_) => within(&stretch, name, value, &mut places),
+                    MatValue::Numbers { rows: 2.., columns: 2.., .. } => {
+                        places.push((name, (stretch, value)));
+                    }
+                    value => self.add(&stretch, MatVariable { name, value })?,
                 }
-                _ => self.add(stretch, field)?,
             }
+            return only(self.0.format, places);
         }
-        Ok(())
+        found.into_iter().try_for_each(|(stretch, variable)| self.add(&stretch, variable))?;
+        Ok(None)
     }
 
     /// A matrix beside vectors: its columns as MATLAB names them.
-    fn add_beside(&mut self, stretch: &FileStretch, matrix: MatVariable) -> Result<(), FormatError> {
+    fn add_beside(&mut self, stretch: &FileStretch, matrix: MatVariable) -> Result<()> {
         let MatVariable { name, value } = matrix;
         let MatValue::Numbers { place, element, rows, columns } = value else { return Ok(()) };
         if !becomes_columns(rows, columns) {
@@ -255,12 +200,15 @@ impl MatTable {
         stretch: &FileStretch,
         (place, element, rows): (u64, Element, u64),
         names: &[String],
-    ) -> Result<(), FormatError> {
+    ) -> Result<()> {
         let cell = StoredCell::Number(element);
         self.0.add_array(&StoredArray { stretch, place, rows, cell, by_column: true }, names)
     }
 
-    fn add(&mut self, stretch: &FileStretch, variable: MatVariable) -> Result<(), FormatError> {
+    fn add(&mut self, stretch: &FileStretch, variable: MatVariable) -> Result<()> {
+        if let MatValue::Numbers { rows: 2.., columns: 2.., .. } = variable.value {
+            return self.add_beside(stretch, variable);
+        }
         let MatVariable { name, value } = variable;
         let lane = self.0.lanes.len();
         let single = !is_column(&value);
@@ -269,13 +217,8 @@ impl MatTable {
                 self.add_columns(stretch, (place, element, rows * columns), &[name])?;
             }
             MatValue::Texts(texts) if !single => {
-                let rows = texts.len() as u64;
-                self.0.add(
-                    Column::new(&name),
-                    CellKind::Texts { lane },
-                    rows,
-                    Box::new(TextLane { texts, next: 0 }),
-                );
+                let (rows, texts) = (texts.len() as u64, TextLane { texts, next: 0 });
+                self.0.add(Column::new(&name), CellKind::Texts { lane }, rows, Box::new(texts));
             }
             MatValue::Numbers { place, element, rows: 1, columns: 1 }
                 if stretch.number(place, element).is_ok_and(|number| self.0.stated.learn(&name, number)) => {}
@@ -297,12 +240,7 @@ impl MatTable {
     }
 
     /// A matrix whose columns the experiment names.
-    fn add_matrix(
-        &mut self,
-        stretch: &FileStretch,
-        matrix: &MatVariable,
-        hints: &Hints,
-    ) -> Result<(), FormatError> {
+    fn add_matrix(&mut self, stretch: &FileStretch, matrix: &MatVariable, hints: &Hints) -> Result<()> {
         let format = self.0.format;
         let unsupported = |what: String, remedy: &str| FormatError::unsupported(format, what, remedy);
         let MatValue::Numbers { place, element, rows, columns } = matrix.value else {
@@ -313,11 +251,5 @@ impl MatTable {
         let names = self.0.names(hints, None, columns, &what)?;
         self.0.recognised = format!("the matrix `{}`, its columns named by the experiment", matrix.name);
         self.add_columns(stretch, (place, element, rows), &names)
-    }
-
-    fn finish(self, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {
-        let remedy = "save one vector for each column, or name a struct or matrix by `group`; a table becomes a struct by \
-                      `table2struct(T, ToScalar=true)`";
-        self.0.finish(file_bytes, "variables of one number", remedy)
     }
 }

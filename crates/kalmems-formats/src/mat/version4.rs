@@ -1,12 +1,13 @@
 //! MAT files of version 4: matrices one after the other, each behind a header of 20 bytes and its name (MathWorks,
 //! MAT-File Format, appendix on level 4).
 
+use super::MatVariables;
 use super::array::{MatValue, MatVariable};
 use crate::cursor::ByteCursor;
-use crate::element::{Element, ElementKind};
+use crate::element::{CellPlaces, Element, ElementKind};
 use crate::source::SharedFile;
 use crate::stream::FileStretch;
-use crate::{FormatError, limits};
+use crate::{FormatError, Result, limits};
 use std::sync::Arc;
 
 pub(super) const FORMAT: &str = "MAT 4";
@@ -71,23 +72,18 @@ impl Mat4Header {
 }
 
 /// All matrices, and the stretch that they are in.
-pub(super) fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, MatVariable)>, FormatError> {
+pub(super) fn variables(source: &Arc<SharedFile>) -> Result<MatVariables> {
     let stretch = FileStretch::stored(Arc::clone(source), FORMAT, "the file");
     let mut found = Vec::new();
     let mut at = 0;
     let mut text_bytes = limits::HEADER_BYTES;
     while at < source.length() {
-        limits::at_most(FORMAT, "the number of variables", found.len() as u64, limits::COLUMNS as u64)?;
         let bytes = source.bytes(FORMAT, at, 20)?;
         let header = Mat4Header::read(&bytes).ok_or_else(|| {
-            FormatError::damaged(
-                FORMAT,
-                format!("byte {at}"),
-                format!("`{}`", bytes.escape_ascii()),
-                "the header of a matrix",
-            )
+            let found = format!("`{}`", bytes.escape_ascii());
+            FormatError::damaged(FORMAT, format!("byte {at}"), found, "the header of a matrix")
         })?;
-        let name = source.bytes(FORMAT, at + HEADER, header.name_bytes)?;
+        let name = source.bytes(FORMAT, at + HEADER, header.name_bytes as u64)?;
         let name = String::from_utf8_lossy(name.strip_suffix(&[0]).unwrap_or(&name)).into_owned();
         let place = at + HEADER + header.name_bytes as u64;
         // All three are of 32 bits, or a few.
@@ -106,22 +102,23 @@ pub(super) fn variables(source: &Arc<SharedFile>) -> Result<Vec<(FileStretch, Ma
             }
             _ => MatValue::Other("a sparse matrix"),
         };
-        found.push((stretch.clone(), MatVariable { name, value }));
+        let variable = (stretch.clone(), MatVariable { name, value });
+        limits::push(FORMAT, "the number of variables", &mut found, variable)?;
     }
     Ok(found)
 }
 
 /// Characters by their numbers, column after column: a text a row.
-fn texts(source: &SharedFile, place: u64, header: &Mat4Header) -> Result<Vec<Vec<u8>>, FormatError> {
+fn texts(source: &SharedFile, place: u64, header: &Mat4Header) -> Result<Vec<Vec<u8>>> {
     // Bounded by the length of texts.
     let small = |length: u64| usize::try_from(length).unwrap_or(0);
     let (rows, count) = (small(header.rows), small(header.rows * header.columns));
-    let raw = source.bytes(FORMAT, place, count * header.element.bytes)?;
+    let raw = source.bytes(FORMAT, place, (count * header.element.bytes) as u64)?;
     let mut numbers = Vec::new();
-    header.element.numbers(&raw, 0, header.element.bytes, count, 0, &mut numbers);
+    let cells = CellPlaces { raw: &raw, offset: 0, stride: header.element.bytes, rows: count };
+    header.element.numbers(cells, 0, &mut numbers);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     // what is no character becomes one that says so
     let letter = |number: &f64| char::from_u32(*number as u32).unwrap_or(char::REPLACEMENT_CHARACTER);
-    let text = |row: usize| numbers.iter().skip(row).step_by(rows.max(1)).map(letter).collect::<String>();
-    Ok((0..rows).map(|row| text(row).trim_end().as_bytes().to_vec()).collect())
+    Ok(super::array::texts(&numbers.iter().map(letter).collect::<Vec<char>>(), rows))
 }

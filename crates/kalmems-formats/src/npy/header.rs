@@ -1,11 +1,11 @@
 //! The header of an array: its shape and what an element is made of.
 
 use super::literal::{self, Literal};
-use crate::FormatError;
 use crate::element::{Element, ElementKind};
 use crate::limits;
 use crate::records::{StoredCell, TextEncoding};
 use crate::time::{TimeCode, TimeForm, TimeKind, TimeUnit};
+use crate::{FormatError, Result, refuse_if};
 
 /// An array.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,20 +60,17 @@ impl NpyHeader {
     pub(super) fn read(
         format: &'static str,
         place: &str,
-        mut next: impl FnMut(usize) -> Result<Vec<u8>, FormatError>,
-    ) -> Result<Self, FormatError> {
+        mut next: impl FnMut(usize) -> Result<Vec<u8>>,
+    ) -> Result<Self> {
         let damaged = |found: String, expected: &str| FormatError::damaged(format, place, found, expected);
         let magic = next(8)?;
-        if !magic.starts_with(b"\x93NUMPY") {
-            return Err(damaged(
-                format!("`{}`", magic.escape_ascii()),
-                "an array, which begins with \\x93NUMPY",
-            ));
-        }
+        refuse_if(!magic.starts_with(b"\x93NUMPY"), || {
+            damaged(format!("`{}`", magic.escape_ascii()), "an array, which begins with \\x93NUMPY")
+        })?;
         let (version, width) = (magic[6], if magic[6] == 1 { 2 } else { 4 });
-        if !(1..=3).contains(&version) {
-            return Err(damaged(format!("version {version}"), "version 1, 2 or 3"));
-        }
+        refuse_if(!(1..=3).contains(&version), || {
+            damaged(format!("version {version}"), "version 1, 2 or 3")
+        })?;
         let length = next(width)?.iter().rev().fold(0, |length, byte| length << 8 | u64::from(*byte));
         limits::at_most(format, "the length of the header", length, limits::HEADER_BYTES / 16)?;
         #[allow(clippy::cast_possible_truncation)] // bounded by the line above
@@ -104,12 +101,12 @@ impl NpyHeader {
             })
             .collect::<Result<Vec<_>, _>>()?;
         let element = descr_of(descr).map_err(|found| damaged(found, "a type such as '<f8'"))?;
-        limits::at_most(format, "the bytes of an element", element.bytes() as u64, limits::ROW_BYTES as u64)?;
+        limits::at_most(format, "the bytes of an element", element.bytes(), limits::ROW_BYTES)?;
         Ok(Self { bytes: 8 + width as u64 + length, shape, fortran: *fortran, element })
     }
 
     /// All elements, and their bytes.
-    pub(super) fn size(&self, format: &'static str) -> Result<(u64, u64), FormatError> {
+    pub(super) fn size(&self, format: &'static str) -> Result<(u64, u64)> {
         let count = self.shape.iter().try_fold(1_u64, |count, length| count.checked_mul(*length));
         let bytes = count.and_then(|count| count.checked_mul(self.element.bytes() as u64));
         match (count, bytes) {
@@ -132,9 +129,7 @@ fn descr_of(descr: &Literal) -> Result<Descr, String> {
     match descr {
         Literal::Text(code) => cell(code).map(Descr::Plain),
         Literal::Several(fields) => {
-            if fields.len() > limits::COLUMNS {
-                return Err(format!("{} fields", fields.len()));
-            }
+            refuse_if(fields.len() > limits::COLUMNS, || format!("{} fields", fields.len()))?;
             let mut named = Vec::with_capacity(fields.len());
             for field in fields {
                 named.push(self::field(field)?);
@@ -148,20 +143,22 @@ fn descr_of(descr: &Literal) -> Result<Descr, String> {
 
 /// A name with a type, and a shape where it is an array.
 fn field(field: &Literal) -> Result<(String, Cell), String> {
-    let Literal::Several(parts) = field else { return Err("a field that is no tuple".to_owned()) };
-    let name = match parts.first() {
-        Some(Literal::Text(name)) => name.clone(),
-        // A title before the name.
-        Some(Literal::Several(names)) => match names.get(1) {
-            Some(Literal::Text(name)) => name.clone(),
-            _ => return Err("a field without a name".to_owned()),
-        },
-        _ => return Err("a field without a name".to_owned()),
+    let (names, code, shape) = match field {
+        Literal::Several(parts) if parts.len() == 2 => (&parts[0], &parts[1], None),
+        Literal::Several(parts) if parts.len() == 3 => (&parts[0], &parts[1], Some(&parts[2])),
+        _ => return Err("a field that is no tuple of a name, a type and a shape".to_owned()),
     };
-    let inner = match parts.get(1) {
-        Some(Literal::Text(code)) => cell(code)?,
-        Some(nested @ Literal::Several(_)) => {
-            Cell::Other { bytes: descr_of(nested)?.bytes(), what: "fields within a field".to_owned() }
+    let name = match names {
+        Literal::Text(name) => Some(name),
+        // A title before the name.
+        Literal::Several(names) => names.get(1).and_then(Literal::text),
+        _ => None,
+    };
+    let name = name.ok_or("a field without a name")?.clone();
+    let inner = match code {
+        Literal::Text(code) => cell(code)?,
+        Literal::Several(_) => {
+            Cell::Other { bytes: descr_of(code)?.bytes(), what: "fields within a field".to_owned() }
         }
         _ => return Err(format!("no type for the field `{name}`")),
     };
@@ -169,17 +166,20 @@ fn field(field: &Literal) -> Result<(String, Cell), String> {
         // Where the fields behind it are is not known.
         return Err(format!("`{name}`: {what}"));
     }
-    let Some(shape) = parts.get(2) else { return Ok((name, inner)) };
-    let Literal::Several(shape) = shape else { return Err(format!("a shape of `{name}` that is no tuple")) };
+    let shape = match shape {
+        None => &[][..],
+        Some(Literal::Several(shape)) => shape,
+        Some(_) => return Err(format!("a shape of `{name}` that is no tuple")),
+    };
     let mut count = 1_u64;
     for length in shape {
         let Literal::Integer(length) = length else {
             return Err(format!("a shape of `{name}` that is none"));
         };
-        count = count
-            .checked_mul(*length)
-            .filter(|count| *count <= limits::ROW_BYTES as u64)
-            .ok_or_else(|| format!("a field `{name}` of more than {} elements", limits::ROW_BYTES))?;
+        count = count.saturating_mul(*length);
+        refuse_if(count > limits::ROW_BYTES as u64, || {
+            format!("a field `{name}` of more than {} elements", limits::ROW_BYTES)
+        })?;
     }
     if count == 1 {
         return Ok((name, inner));
@@ -192,23 +192,17 @@ fn field(field: &Literal) -> Result<(String, Cell), String> {
 /// The type of a code such as `<f8`.
 fn cell(code: &str) -> Result<Cell, String> {
     let unknown = || format!("the type `{}`", code.chars().take(24).collect::<String>());
-    let mut letters = code.chars();
-    let order = letters.next().ok_or_else(unknown)?;
-    if !matches!(order, '<' | '>' | '|' | '=') {
-        return Err(unknown());
-    }
-    let kind = letters.next().ok_or_else(unknown)?;
-    if kind == 'O' {
+    let (order, rest) = code.split_at_checked(1).ok_or_else(unknown)?;
+    refuse_if(!matches!(order, "<" | ">" | "|" | "="), unknown)?;
+    let (kind, rest) = rest.split_at_checked(1).ok_or_else(unknown)?;
+    if kind == "O" {
         return Ok(Cell::Other { bytes: 0, what: "Python objects, which only Python reads".to_owned() });
     }
-    let after: String = letters.collect();
-    let end = after.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(after.len());
-    let (digits, after) = after.split_at(end);
+    let end = rest.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(rest.len());
+    let (digits, after) = rest.split_at(end);
     let size: usize = digits.parse().map_err(|_| unknown())?;
-    if size > limits::ROW_BYTES {
-        return Err(unknown());
-    }
-    let big_endian = order == '>';
+    refuse_if(size > limits::ROW_BYTES, unknown)?;
+    let big_endian = order == ">";
     let number = |kind| {
         let element = Element { kind, bytes: size, big_endian };
         if element.exists() {
@@ -218,27 +212,24 @@ fn cell(code: &str) -> Result<Cell, String> {
         }
     };
     Ok(match kind {
-        'f' => number(ElementKind::Float),
-        'i' => number(ElementKind::Signed),
-        'u' => number(ElementKind::Unsigned),
+        "f" => number(ElementKind::Float),
+        "i" => number(ElementKind::Signed),
+        "u" => number(ElementKind::Unsigned),
         // 0 and 1.
-        'b' if size == 1 => number(ElementKind::Unsigned),
-        'S' | 'a' => Cell::Stored(StoredCell::Text { bytes: size, code: TextEncoding::Bytes }),
-        'U' => Cell::Stored(StoredCell::Text { bytes: size * 4, code: TextEncoding::Utf32 { big_endian } }),
-        'c' => Cell::Other { bytes: size, what: "complex numbers".to_owned() },
-        'M' | 'm' if size == 8 => match time_unit(after) {
+        "b" if size == 1 => number(ElementKind::Unsigned),
+        "S" | "a" => Cell::Stored(StoredCell::Text { bytes: size, code: TextEncoding::Bytes }),
+        "U" => Cell::Stored(StoredCell::Text { bytes: size * 4, code: TextEncoding::Utf32 { big_endian } }),
+        "c" => Cell::Other { bytes: size, what: "complex numbers".to_owned() },
+        "M" | "m" if size == 8 => match time_unit(after) {
             Some(unit) => {
                 let element = Element { kind: ElementKind::Signed, bytes: size, big_endian };
-                let kind = if kind == 'M' { TimeKind::Calendar } else { TimeKind::Elapsed };
+                let kind = if kind == "M" { TimeKind::Calendar } else { TimeKind::Elapsed };
                 Cell::Stored(StoredCell::Time(TimeCode { form: TimeForm::Integer(element), unit, kind }))
             }
-            None => Cell::Other {
-                bytes: size,
-                what: format!("dates of type `{}`", code.chars().take(24).collect::<String>()),
-            },
+            None => Cell::Other { bytes: size, what: format!("dates of {}", unknown()) },
         },
-        'M' | 'm' => Cell::Other { bytes: size, what: "dates".to_owned() },
-        'V' => Cell::Other { bytes: size, what: "bytes without a meaning".to_owned() },
+        "M" | "m" => Cell::Other { bytes: size, what: "dates".to_owned() },
+        "V" => Cell::Other { bytes: size, what: "bytes without a meaning".to_owned() },
         _ => return Err(unknown()),
     })
 }

@@ -1,5 +1,7 @@
 //! The Python literals that NPY headers are made of.
 
+use crate::refuse_if;
+
 /// A value.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Literal {
@@ -11,6 +13,12 @@ pub(super) enum Literal {
     Several(Vec<Literal>),
     /// Keys that are texts, and values.
     Named(Vec<(String, Literal)>),
+}
+
+impl Literal {
+    pub(super) fn text(&self) -> Option<&String> {
+        if let Self::Text(text) = self { Some(text) } else { None }
+    }
 }
 
 /// Literals within one another.
@@ -48,9 +56,7 @@ impl LiteralReader<'_> {
     }
 
     fn literal(&mut self, depth: usize) -> Result<Literal, (usize, &'static str)> {
-        if depth == 0 {
-            return Err((self.at, "fewer brackets within one another"));
-        }
+        refuse_if(depth == 0, || (self.at, "fewer brackets within one another"))?;
         for (token, literal) in
             [("True", Literal::Flag(true)), ("False", Literal::Flag(false)), ("None", Literal::Nothing)]
         {
@@ -68,9 +74,7 @@ impl LiteralReader<'_> {
                 let Literal::Text(key) = reader.literal(depth - 1)? else {
                     return Err((reader.at, "a quoted key"));
                 };
-                if !reader.takes(":") {
-                    return Err((reader.at, "a colon"));
-                }
+                refuse_if(!reader.takes(":"), || (reader.at, "a colon"))?;
                 Ok((key, reader.literal(depth - 1)?))
             };
             return self.until("}", entry).map(Literal::Named);

@@ -9,12 +9,12 @@ use crate::source::SharedFile;
 use crate::stated_clock::StatedNumbers;
 use crate::stream::{FileStretch, StreamLane, VERIFIED_AT_ONCE};
 use crate::table_parts::{StoredArray, TableParts, becomes_columns};
-use crate::{Column, FormatError, Hints, Table, limits};
+use crate::{Column, FormatError, Hints, Result, Table, limits};
 use header::{Cell, Descr, NpyHeader};
 use std::sync::Arc;
 
 /// Opens a single array.
-pub(crate) fn open_npy(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open_npy(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>> {
     const FORMAT: &str = "NPY";
     let source = Arc::new(source);
     let file_bytes = source.length();
@@ -26,7 +26,7 @@ pub(crate) fn open_npy(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
 }
 
 /// Opens the arrays of a zip file.
-pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>> {
     const FORMAT: &str = "NPZ";
     let source = Arc::new(source);
     let file_bytes = source.length();
@@ -44,13 +44,10 @@ pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
         arrays.push(NpyArray::open(member.stretch(Arc::clone(&source))?, name)?);
     }
     if let Some(wanted) = &hints.group {
-        let Some(array) = arrays.into_iter().next() else {
-            return Err(FormatError::unsupported(
-                FORMAT,
-                format!("an array `{wanted}`, which is not in the file,"),
-                "write the name of one that is",
-            ));
-        };
+        let array = arrays.into_iter().next().ok_or_else(|| {
+            let what = format!("an array `{wanted}`, which is not in the file,");
+            FormatError::unsupported(FORMAT, what, "write the name of one that is")
+        })?;
         array.add_table(hints, &mut table)?;
         return finish(table, file_bytes);
     }
@@ -77,7 +74,7 @@ pub(crate) fn open_npz(source: SharedFile, hints: &Hints) -> Result<Box<dyn Tabl
 }
 
 /// The table of all that was found.
-fn finish(mut table: TableParts, file_bytes: u64) -> Result<Box<dyn Table>, FormatError> {
+fn finish(mut table: TableParts, file_bytes: u64) -> Result<Box<dyn Table>> {
     if table.recognised.is_empty() {
         table.recognised = format!("{} arrays, a column each", table.fields.len());
     }
@@ -94,10 +91,10 @@ struct NpyArray {
 
 impl NpyArray {
     /// Reads the header and compares what it claims with the bytes that there are.
-    fn open(stretch: FileStretch, name: String) -> Result<Self, FormatError> {
+    fn open(stretch: FileStretch, name: String) -> Result<Self> {
         let format = stretch.format;
         let mut stream = stretch.stream();
-        let header = NpyHeader::read(format, &stretch.name, |count| stream.bytes(count))?;
+        let header = NpyHeader::read(format, &stretch.name, |count| stream.next_bytes(count))?;
         let (count, bytes) = header.size(format)?;
         limits::plausible_rows(format, count, stretch.source.length())?;
         let there = stretch.unpacked.saturating_sub(header.bytes);
@@ -105,12 +102,9 @@ impl NpyArray {
         let other = matches!(header.element, Descr::Plain(Cell::Other { .. }));
         if bytes != there && !other {
             let place = stretch.name.clone();
-            return Err(FormatError::damaged(
-                format,
-                place,
-                format!("{there} bytes behind the header"),
-                format!("{bytes}, for the shape {}", shape_text(&header.shape)),
-            ));
+            let found = format!("{there} bytes behind the header");
+            let expected = format!("{bytes}, for the shape {}", shape_text(&header.shape));
+            return Err(FormatError::damaged(format, place, found, expected));
         }
         let array = Self { name, header, stretch };
         // What is left out is left out by its header, which nobody compares later.
@@ -134,7 +128,7 @@ impl NpyArray {
     }
 
     /// Whether it is a single number that states a clock.
-    fn states_a_clock(&self, stated: &mut StatedNumbers) -> Result<bool, FormatError> {
+    fn states_a_clock(&self, stated: &mut StatedNumbers) -> Result<bool> {
         match (&self.header.element, &self.header.shape[..]) {
             (Descr::Plain(Cell::Stored(StoredCell::Number(element))), [] | [1]) => {
                 Ok(stated.learn(&self.name, self.stretch.number(self.header.bytes, *element)?))
@@ -153,7 +147,7 @@ impl NpyArray {
     }
 
     /// The array as a table: fields with names, or columns that are named in the experiment.
-    fn add_table(self, hints: &Hints, table: &mut TableParts) -> Result<(), FormatError> {
+    fn add_table(self, hints: &Hints, table: &mut TableParts) -> Result<()> {
         let NpyHeader { shape, element, .. } = &self.header;
         let unsupported =
             |what: String, remedy: &str| FormatError::unsupported(self.stretch.format, what, remedy);
@@ -179,11 +173,8 @@ impl NpyArray {
             }
             (Descr::Plain(Cell::Stored(_)), 1 | 2) => {}
             _ => {
-                return Err(unsupported(
-                    format!("an array of {}", self.shape()),
-                    "write an array with rows along its first axis and columns along its second, or one with \
-                     fields",
-                ));
+                let remedy = "write an array with rows along its first axis and columns along its second, or one with fields";
+                return Err(unsupported(format!("an array of {}", self.shape()), remedy));
             }
         }
         let (rows, columns) = (shape[0], shape.get(1).copied().unwrap_or(1));
@@ -194,7 +185,7 @@ impl NpyArray {
     }
 
     /// The columns of an array of one or two axes.
-    fn add_columns(&self, names: &[String], table: &mut TableParts) -> Result<(), FormatError> {
+    fn add_columns(&self, names: &[String], table: &mut TableParts) -> Result<()> {
         let Descr::Plain(Cell::Stored(cell)) = self.header.element else { return Ok(()) };
         let columns = (names.len() as u64).max(1);
         let rows = self.header.shape.iter().product::<u64>() / columns;

@@ -1,172 +1,110 @@
-//! The directory of a zip file (PKWARE's APPNOTE 6.3), as far as NumPy writes it.
+//! The members of a zip file, whose directory the library `rawzip` reads: what is compared with the file before a byte of them is used.
 
-use crate::FormatError;
-use crate::cursor::ByteCursor;
 use crate::limits;
 use crate::source::SharedFile;
 use crate::stream::{Compression, FileStretch};
+use crate::{FormatError, Result};
+use rawzip::{CompressionMethod, MAX_CENTRAL_DIRECTORY_RECORD_SIZE, ReaderAt, ZipLocator};
+use std::io;
 use std::sync::Arc;
 
 const FORMAT: &str = "NPZ";
-/// The last record with the longest comment, and what long files put before it.
-const TAIL: u64 = 22 + 65_535 + 20;
+
+impl ReaderAt for SharedFile {
+    fn read_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<usize> {
+        self.read_some(offset, buffer)
+    }
+}
 
 /// A file in the zip file.
 pub(super) struct ZipMember {
     pub(super) name: String,
+    method: CompressionMethod,
+    is_encrypted: bool,
     unpacked: u64,
-    packed: u64,
-    method: u16,
-    encrypted: bool,
     crc: u32,
-    /// Its own header.
+    /// Its own header, and where its packed bytes begin and end.
     header: u64,
+    start: u64,
+    end: u64,
 }
 
-/// Reads the directory.
-pub(super) fn members(source: &SharedFile) -> Result<Vec<ZipMember>, FormatError> {
-    let (entries, offset, size) = directory(source)?;
-    limits::at_most(FORMAT, "the number of members", entries, limits::COLUMNS as u64)?;
-    limits::at_most(FORMAT, "the length of the directory", size, limits::HEADER_BYTES)?;
-    #[allow(clippy::cast_possible_truncation)] // bounded by the line above
-    let bytes = source.bytes(FORMAT, offset, size as usize)?;
-    let mut members: Vec<ZipMember> = Vec::new();
-    let mut cursor = ByteCursor::new(FORMAT, &bytes, offset);
-    for _ in 0..entries {
-        cursor.mark(b"PK\x01\x02")?.skip(4)?;
-        let (flags, method) = (cursor.u16()?, cursor.u16()?);
-        let (crc, packed, unpacked) = (cursor.skip(4)?.u32()?, cursor.u32()?, cursor.u32()?);
-        let (name, extra, comment) = (cursor.u16()?, cursor.u16()?, cursor.u16()?);
-        let header = cursor.skip(8)?.u32()?;
-        if usize::from(name) > limits::TEXT_BYTES {
-            return Err(cursor.damaged("a name of more than 4096 bytes", "a shorter one"));
+/// Reads the directory, and compares it with the members' own headers.
+pub(super) fn members(source: &Arc<SharedFile>) -> Result<Vec<ZipMember>> {
+    let mut buffer = vec![0; MAX_CENTRAL_DIRECTORY_RECORD_SIZE];
+    let archive = ZipLocator::new().locate_in_reader(source, &mut buffer, source.length());
+    let archive = archive.map_err(|(_, error)| failed(source.length(), &error))?;
+    let directory = archive.directory_offset();
+    let mut own = vec![0; 2 * usize::from(u16::MAX)];
+    let (mut entries, mut members, mut mismatch) = (archive.entries(&mut buffer), Vec::new(), None);
+    while let Some(entry) = entries.next_entry().map_err(|error| failed(directory, &error))? {
+        let (path, header) = (entry.file_path(), entry.local_header_offset());
+        let there = archive.get_entry(entry.wayfinder()).map_err(|error| failed(header, &error))?;
+        let local = there.local_header(&mut own).map_err(|error| failed(header, &error))?;
+        // The directory and the member's own header both have its name and its method.
+        let name = |path: &[u8]| String::from_utf8_lossy(path).into_owned();
+        let (said, method) = (name(path.as_ref()), entry.compression_method());
+        if local.file_path().as_ref() != path.as_ref() || local.compression_method() != method {
+            let (own_name, own_method) = (name(local.file_path().as_ref()), local.compression_method());
+            let found = format!("a header of `{}`, packed by {own_method:?}", own_name.escape_debug());
+            let expected = format!("that of `{said}`, packed by {method:?}, as the directory says");
+            mismatch.get_or_insert_with(|| FormatError::damaged_at(FORMAT, header, found, expected));
         }
-        let mut member = ZipMember {
-            name: cursor.text(usize::from(name))?,
-            unpacked: u64::from(unpacked),
-            packed: u64::from(packed),
-            method,
-            encrypted: flags & 1 != 0,
-            crc,
-            header: u64::from(header),
-        };
-        member.widen(&mut cursor.part(usize::from(extra))?)?;
-        cursor.skip(usize::from(comment))?;
-        members.push(member);
+        let (start, end) = there.compressed_data_range();
+        source.within(FORMAT, start, end - start)?;
+        let (unpacked, crc) = (entry.uncompressed_size_hint(), entry.crc32());
+        let is_encrypted = entry.flags().bits() & 1 != 0;
+        let member = ZipMember { name: said, method, is_encrypted, unpacked, crc, header, start, end };
+        limits::push(FORMAT, "the number of members", &mut members, member)?;
     }
-    refuse_overlaps(source, &members, offset)?;
-    Ok(members)
+    if members.len() as u64 != archive.entries_hint() {
+        let found = format!("{} members", members.len());
+        return Err(FormatError::damaged_at(FORMAT, directory, found, archive.entries_hint().to_string()));
+    }
+    refuse_overlaps(&members, directory)?;
+    mismatch.map_or(Ok(members), Err)
 }
 
 impl ZipMember {
-    /// Takes the lengths of 64 bits where those of 32 are not enough.
-    fn widen(&mut self, extra: &mut ByteCursor<'_>) -> Result<(), FormatError> {
-        let elsewhere = u64::from(u32::MAX);
-        while extra.left() >= 4 {
-            let (id, length) = (extra.u16()?, usize::from(extra.u16()?));
-            let mut body = extra.part(length.min(extra.left()))?;
-            let lengths = [&mut self.unpacked, &mut self.packed, &mut self.header];
-            for long in lengths.into_iter().filter(|long| id == 1 && **long == elsewhere) {
-                *long = body.u64()?;
-            }
-        }
-        Ok(())
-    }
-
     /// Where its bytes are.
-    pub(super) fn stretch(&self, source: Arc<SharedFile>) -> Result<FileStretch, FormatError> {
-        let unsupported = |what: &str| {
-            FormatError::unsupported(
-                FORMAT,
-                format!("`{}`, which is {what},", self.name),
-                "write the file with numpy.savez or numpy.savez_compressed",
-            )
-        };
-        if self.encrypted {
-            return Err(unsupported("encrypted"));
-        }
+    pub(super) fn stretch(&self, source: Arc<SharedFile>) -> Result<FileStretch> {
         let packing = match self.method {
-            0 => Compression::Stored,
-            8 => Compression::Deflate,
-            other => return Err(unsupported(&format!("packed by method {other}"))),
+            _ if self.is_encrypted => Err("encrypted".to_owned()),
+            CompressionMethod::STORE => Ok(Compression::Stored),
+            CompressionMethod::DEFLATE => Ok(Compression::Deflate),
+            other => Err(format!("packed by {other:?}")),
         };
-        let header = source.bytes(FORMAT, self.header, 30)?;
-        let mut header = ByteCursor::new(FORMAT, &header, self.header);
-        let method = header.mark(b"PK\x03\x04")?.skip(4)?.u16()?;
-        let (name, extra) = (header.skip(16)?.u16()?, header.u16()?);
-        // The directory and the member's own header both have its name and its method.
-        let own_name = source.bytes(FORMAT, self.header + 30, usize::from(name))?;
-        if String::from_utf8_lossy(&own_name) != self.name || method != self.method {
-            let found = format!("a header of `{}`, packed by method {method}", own_name.escape_ascii());
-            let expected =
-                format!("that of `{}`, packed by method {}, as the directory says", self.name, self.method);
-            return Err(damaged(self.header, &found, &expected));
+        let packing = packing.map_err(|what| {
+            let remedy = "write the file with numpy.savez or numpy.savez_compressed";
+            FormatError::unsupported(FORMAT, format!("`{}`, which is {what},", self.name), remedy)
+        })?;
+        let &Self { start, end, unpacked, .. } = self;
+        if packing == Compression::Stored && end - start != unpacked {
+            let found = "unpacked bytes of another length";
+            return Err(FormatError::damaged_at(FORMAT, self.header, found, "the same"));
         }
-        let start = self.header + 30 + u64::from(name) + u64::from(extra);
-        let end = source.within(FORMAT, start, self.packed)?;
-        if packing == Compression::Stored && self.packed != self.unpacked {
-            return Err(damaged(self.header, "unpacked bytes of another length", "the same"));
-        }
-        limits::plausible_unpacked(FORMAT, &format!("`{}`", self.name), self.unpacked, self.packed)?;
-        let name = format!("`{}`", self.name);
-        let (unpacked, crc) = (self.unpacked, Some(self.crc));
+        let (name, crc) = (format!("`{}`", self.name), Some(self.crc));
+        limits::plausible_unpacked(FORMAT, &name, unpacked, end - start)?;
         let verified = Arc::default();
         Ok(FileStretch { source, format: FORMAT, name, packing, start, end, unpacked, crc, verified })
     }
 }
 
 /// Members that share bytes unpack to more than the file could hold.
-fn refuse_overlaps(source: &SharedFile, members: &[ZipMember], directory: u64) -> Result<(), FormatError> {
-    let mut places: Vec<(u64, u64)> = Vec::new();
-    for member in members {
-        // A header of 30 bytes and its name are before the packed bytes.
-        let length = (30 + member.name.len() as u64).saturating_add(member.packed);
-        places.push((member.header, source.within(FORMAT, member.header, length).unwrap_or(u64::MAX)));
-    }
+fn refuse_overlaps(members: &[ZipMember], directory: u64) -> Result<()> {
+    let mut places: Vec<(u64, u64)> = members.iter().map(|member| (member.header, member.end)).collect();
     places.sort_unstable();
     let starts = places.iter().skip(1).map(|(start, _)| *start).chain([directory]);
-    for ((start, end), next) in places.iter().zip(starts) {
-        if *end > next {
-            return Err(damaged(
-                *start,
-                "a member that reaches into what follows",
-                "members one after the other",
-            ));
+    match places.iter().zip(starts).find(|((_, end), next)| end > next) {
+        None => Ok(()),
+        Some(((start, _), _)) => {
+            let found = "a member that reaches into what follows";
+            Err(FormatError::damaged_at(FORMAT, *start, found, "members one after the other"))
         }
     }
-    Ok(())
 }
 
-/// How many entries the directory has, where it begins, and its bytes.
-fn directory(source: &SharedFile) -> Result<(u64, u64, u64), FormatError> {
-    let tail_start = source.length().saturating_sub(TAIL);
-    #[allow(clippy::cast_possible_truncation)] // at most TAIL
-    let tail = source.bytes(FORMAT, tail_start, (source.length() - tail_start) as usize)?;
-    let ends_there = |place: &usize| {
-        let mut end = ByteCursor::new(FORMAT, &tail[*place..], 0);
-        end.skip(20).and_then(ByteCursor::u16).is_ok_and(|comment| usize::from(comment) == end.left())
-    };
-    let found = tail.windows(22).rposition(|record| record.starts_with(b"PK\x05\x06")).filter(ends_there);
-    let Some(place) = found else {
-        return Err(damaged(source.length(), "no end of a directory", "the end of a zip file that is whole"));
-    };
-    let mut last = ByteCursor::new(FORMAT, &tail[place..], tail_start + place as u64);
-    let (entries, size, offset) = (last.skip(10)?.u16()?, last.u32()?, last.u32()?);
-    let short = (u64::from(entries), u64::from(offset), u64::from(size));
-    if entries < u16::MAX && size < u32::MAX && offset < u32::MAX {
-        return Ok(short);
-    }
-    let locator = place.checked_sub(20).map(|start| &tail[start..place]);
-    let Some(locator) = locator.filter(|locator| locator.starts_with(b"PK\x06\x07")) else {
-        return Ok(short);
-    };
-    let at = ByteCursor::new(FORMAT, locator, 0).skip(8)?.u64()?;
-    let long = source.bytes(FORMAT, at, 56)?;
-    let mut long = ByteCursor::new(FORMAT, &long, at);
-    let (entries, size, offset) = (long.mark(b"PK\x06\x06")?.skip(28)?.u64()?, long.u64()?, long.u64()?);
-    Ok((entries, offset, size))
-}
-
-fn damaged(place: u64, found: &str, expected: &str) -> FormatError {
-    FormatError::damaged_at(FORMAT, place, found, expected)
+/// What the library says of the file.
+fn failed(place: u64, error: &rawzip::Error) -> FormatError {
+    FormatError::damaged_at(FORMAT, place, error.to_string(), "the end of a zip file that is whole")
 }

@@ -11,7 +11,7 @@ use crate::panics;
 use crate::records::{CellKind, RecordLane, StoredCell};
 use crate::source::SharedFile;
 use crate::table_parts::TableParts;
-use crate::{Column, FormatError, Hints, Table};
+use crate::{Column, FormatError, Hints, Result, Table, refuse_if};
 use pages::{ColumnPages, PAGE_BYTES};
 use parquet::column::reader::{ColumnReader, get_column_reader};
 use parquet::errors::ParquetError;
@@ -39,33 +39,30 @@ fn damaged(place: &str, found: String) -> FormatError {
 }
 
 /// What the library says. Some damaged files make it panic, and no list of what to check before is known to be whole.
-fn guarded<R>(place: &str, call: impl FnOnce() -> Result<R, ParquetError>) -> Result<R, FormatError> {
+fn guarded<R>(place: &str, call: impl FnOnce() -> Result<R, ParquetError>) -> Result<R> {
     match panics::caught(call) {
         Some(said) => said.map_err(|error| failed(place, error)),
         None => Err(damaged(place, "something that the library does not expect".to_owned())),
     }
 }
 
-pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>> {
     let source = Arc::new(source);
     let file_bytes = source.length();
     let tail = source.bytes(FORMAT, file_bytes.saturating_sub(8), 8)?;
-    if !tail.ends_with(b"PAR1") {
-        return Err(damaged("its end", format!("`{}` instead of PAR1", tail[4..].escape_ascii())));
-    }
+    refuse_if(!tail.ends_with(b"PAR1"), || {
+        damaged("its end", format!("`{}` instead of PAR1", tail[4..].escape_ascii()))
+    })?;
     let length = u32::from_le_bytes([tail[0], tail[1], tail[2], tail[3]]);
     limits::at_most(FORMAT, "the length of the metadata", u64::from(length), limits::HEADER_BYTES)?;
-    let end = file_bytes - 8;
-    let metadata =
-        end.checked_sub(u64::from(length)).map(|start| source.bytes(FORMAT, start, length as usize));
-    let metadata = metadata.transpose()?.unwrap_or_default();
-    if thrift::length_of_struct(&metadata, layout::FILE, &mut |_, _| {}).is_none() {
-        let found =
-            "metadata that end too early, have lists of more than 65536 elements or fields of another type";
-        return Err(damaged("the metadata", found.to_owned()));
-    }
+    let start = (file_bytes - 8).saturating_sub(u64::from(length));
+    let metadata = source.bytes(FORMAT, start, u64::from(length))?;
+    let read = thrift::length_of_struct(&metadata, layout::FILE, &mut |_, _| {});
+    let found =
+        "metadata that end too early, have lists of more than 65536 elements or fields of another type";
+    read.ok_or_else(|| damaged("the metadata", found.to_owned()))?;
     let metadata = guarded("the metadata", || ParquetMetaDataReader::decode_metadata(&metadata))?;
-    limits::at_most(FORMAT, "the number of groups of rows", metadata.num_row_groups() as u64, GROUPS as u64)?;
+    limits::at_most(FORMAT, "the number of groups of rows", metadata.num_row_groups(), GROUPS)?;
     let mut rows = 0_u64;
     for group in metadata.row_groups() {
         let count = u64::try_from(group.num_rows());
@@ -76,13 +73,13 @@ pub(crate) fn open(source: SharedFile, _hints: &Hints) -> Result<Box<dyn Table>,
             chunk.num_values() >= 0 && pages::place(chunk).is_some_and(|place| place.end <= file_bytes)
         };
         let columns = metadata.file_metadata().schema_descr().num_columns();
-        if group.num_columns() != columns || !group.columns().iter().all(sound) {
-            return Err(damaged("the metadata", "columns that are not in the file".to_owned()));
-        }
+        refuse_if(group.num_columns() != columns || !group.columns().iter().all(sound), || {
+            damaged("the metadata", "columns that are not in the file".to_owned())
+        })?;
         limits::plausible_rows(FORMAT, rows, file_bytes)?;
     }
     let schema = metadata.file_metadata().schema_descr();
-    limits::at_most(FORMAT, "the number of columns", schema.num_columns() as u64, limits::COLUMNS as u64)?;
+    limits::at_most(FORMAT, "the number of columns", schema.num_columns(), limits::COLUMNS)?;
     let mut table = TableParts::new(FORMAT);
     table.recognised = format!("{rows} rows in {} groups", metadata.num_row_groups());
     for pair in metadata.file_metadata().key_value_metadata().into_iter().flatten() {
@@ -144,7 +141,7 @@ impl ColumnLane {
     }
 
     /// Reads the next rows.
-    fn next(&mut self, rows: usize, mut out: ReadValues<'_>) -> Result<(), FormatError> {
+    fn next(&mut self, rows: usize, mut out: ReadValues<'_>) -> Result<()> {
         let metadata = &self.file.metadata;
         let descriptor = metadata.file_metadata().schema_descr().column(self.leaf);
         self.missing.clear();
@@ -164,9 +161,9 @@ impl ColumnLane {
             if count == 0 {
                 self.reader = None;
                 self.group += 1;
-                if self.group >= metadata.num_row_groups() {
-                    return Err(damaged(&self.place, "fewer values than rows".to_owned()));
-                }
+                refuse_if(self.group >= metadata.num_row_groups(), || {
+                    damaged(&self.place, "fewer values than rows".to_owned())
+                })?;
             }
             done += count;
         }
@@ -183,12 +180,12 @@ impl RecordLane for ColumnLane {
         self.protection
     }
 
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<()> {
         out.clear();
         self.next(rows, ReadValues::Records(out))
     }
 
-    fn texts(&mut self, rows: usize, out: &mut Vec<Vec<u8>>) -> Result<(), FormatError> {
+    fn texts(&mut self, rows: usize, out: &mut Vec<Vec<u8>>) -> Result<()> {
         out.clear();
         self.next(rows, ReadValues::Texts(out))
     }

@@ -1,7 +1,7 @@
 //! How the bytes of a page are packed.
 
 use super::{FORMAT, PAGE_BYTES, damaged};
-use crate::FormatError;
+use crate::{FormatError, Result};
 use flate2::read::MultiGzDecoder;
 use parquet::basic::Compression;
 use ruzstd::decoding::FrameDecoder;
@@ -20,7 +20,7 @@ pub(super) enum PagePacking {
 
 impl PagePacking {
     /// What a column says.
-    pub fn of(said: Compression) -> Result<Self, FormatError> {
+    pub fn of(said: Compression) -> Result<Self> {
         let name = match said {
             Compression::UNCOMPRESSED => return Ok(Self::Plain),
             Compression::SNAPPY => return Ok(Self::Snappy),
@@ -30,15 +30,12 @@ impl PagePacking {
             Compression::BROTLI(_) => "Brotli",
             Compression::LZO => "LZO",
         };
-        Err(FormatError::unsupported(
-            FORMAT,
-            format!("a column packed by {name}"),
-            "pack it by Snappy, gzip, LZ4 or Zstandard, or not at all",
-        ))
+        let remedy = "pack it by Snappy, gzip, LZ4 or Zstandard, or not at all";
+        Err(FormatError::unsupported(FORMAT, format!("a column packed by {name}"), remedy))
     }
 
     /// Appends what is packed, `count` bytes, neither more nor less.
-    pub fn unpack(self, packed: &[u8], count: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    pub fn unpack(self, packed: &[u8], count: usize, out: &mut Vec<u8>) -> Result<()> {
         let start = out.len();
         out.resize(start + count, 0);
         let room = &mut out[start..];

@@ -2,9 +2,9 @@
 
 use super::packing::PagePacking;
 use super::{FORMAT, damaged, layout, thrift};
-use crate::FormatError;
 use crate::limits;
 use crate::source::SharedFile;
+use crate::{Result, refuse_if};
 use bytes::Bytes;
 use flate2::Crc;
 use parquet::basic::Encoding;
@@ -47,24 +47,23 @@ pub(super) struct ColumnPages {
 }
 
 impl ColumnPages {
-    pub fn of(source: &Arc<SharedFile>, chunk: &ColumnChunkMetaData) -> Result<Self, FormatError> {
+    pub fn of(source: &Arc<SharedFile>, chunk: &ColumnChunkMetaData) -> Result<Self> {
         let left = place(chunk).unwrap_or_default();
         Ok(Self { source: Arc::clone(source), packing: PagePacking::of(chunk.compression())?, left })
     }
 
     /// The next page that is read, and no index.
-    fn following(&mut self) -> Result<Option<Page>, FormatError> {
+    fn following(&mut self) -> Result<Option<Page>> {
         while !self.left.is_empty() {
             let start = self.left.start;
             let header = self.header()?;
             self.left.start += header.bytes;
-            if header.packed > self.left.end.saturating_sub(self.left.start) {
-                return Err(damaged(&format!("byte {start}"), "a page longer than its column".to_owned()));
-            }
+            refuse_if(header.packed > self.left.end.saturating_sub(self.left.start), || {
+                damaged(&format!("byte {start}"), "a page longer than its column".to_owned())
+            })?;
             let body = self.left.start;
             self.left.start += header.packed;
-            #[allow(clippy::cast_possible_truncation)] // 16 MiB at most
-            let read = || header.checked(self.source.bytes(FORMAT, body, header.packed as usize)?, start);
+            let read = || header.checked(self.source.bytes(FORMAT, body, header.packed)?, start);
             if let Some(page) = header.page(read, self.packing, start)? {
                 return Ok(Some(page));
             }
@@ -72,7 +71,7 @@ impl ColumnPages {
         Ok(None)
     }
 
-    fn header(&self) -> Result<ClaimedPageHeader, FormatError> {
+    fn header(&self) -> Result<ClaimedPageHeader> {
         let start = self.left.start;
         let left = usize::try_from(self.left.end - start).unwrap_or(usize::MAX);
         for most in [HEADER, LONG_HEADER] {
@@ -167,7 +166,7 @@ impl ClaimedPageHeader {
         sound.then_some(header)
     }
 
-    fn refuse_too_large(&self, start: u64) -> Result<(), FormatError> {
+    fn refuse_too_large(&self, start: u64) -> Result<()> {
         let bytes = self.unpacked.max(self.packed);
         limits::at_most(FORMAT, &format!("the bytes of the page at byte {start}"), bytes, PAGE_BYTES)?;
         if self.kind == 2 {
@@ -178,7 +177,7 @@ impl ClaimedPageHeader {
     }
 
     /// The bytes of the page, compared with their checksum.
-    fn checked(&self, bytes: Vec<u8>, start: u64) -> Result<Vec<u8>, FormatError> {
+    fn checked(&self, bytes: Vec<u8>, start: u64) -> Result<Vec<u8>> {
         let Some(expected) = self.sum else { return Ok(bytes) };
         let mut crc = Crc::new();
         crc.update(&bytes);
@@ -192,95 +191,61 @@ impl ClaimedPageHeader {
     /// The page with what `read` gives; `None` of an index, which is not read.
     fn page(
         &self,
-        read: impl Fn() -> Result<Vec<u8>, FormatError>,
+        read: impl Fn() -> Result<Vec<u8>>,
         packing: PagePacking,
         start: u64,
-    ) -> Result<Option<Page>, FormatError> {
+    ) -> Result<Option<Page>> {
         let wrong = |what: &str| damaged(&format!("the page at byte {start}"), what.to_owned());
         let small =
             |number: u64| u32::try_from(number).map_err(|_| wrong("more than 4294967295 of something"));
-        let encoded = |number: i64| encoding(number).ok_or_else(|| wrong("an encoding that there is not"));
-        let num_values = small(self.values)?;
-        #[allow(clippy::cast_possible_truncation)] // 16 MiB at most
-        let unpacked = self.unpacked as usize;
-        let whole = || -> Result<Bytes, FormatError> {
+        let encoded = |number: i64| {
+            let known = Encoding::VARIANTS.iter().find(|known| i64::from(**known as i32) == number);
+            known.copied().ok_or_else(|| wrong("an encoding that there is not"))
+        };
+        let [definition, repetition] = self.level_bytes;
+        // Only those of the second kind are not packed.
+        let levels = definition.saturating_add(repetition);
+        refuse_if(levels > self.unpacked.min(self.packed), || wrong("levels longer than the page"))?;
+        #[allow(clippy::cast_possible_truncation)] // 16 MiB at most, and no longer than the page
+        let (unpacked, levels) = (self.unpacked as usize, levels as usize);
+        let whole = || -> Result<Bytes> {
             let packed = read()?;
-            if packing == PagePacking::Plain {
+            if packing == PagePacking::Plain || self.is_plain {
                 return Ok(packed.into());
             }
-            let mut out = Vec::new();
+            let mut out = packed[..levels].to_vec();
             // A page without a value may be packed to anything.
-            if unpacked > 0 {
-                packing.unpack(&packed, unpacked, &mut out)?;
+            if unpacked > levels {
+                packing.unpack(&packed[levels..], unpacked - levels, &mut out)?;
             }
             Ok(out.into())
         };
+        let (num_values, encoding) = (small(self.values)?, || encoded(self.encoding));
         Ok(Some(match self.kind {
             0 => Page::DataPage {
                 num_values,
-                encoding: encoded(self.encoding)?,
+                encoding: encoding()?,
                 def_level_encoding: encoded(self.levels[0])?,
                 rep_level_encoding: encoded(self.levels[1])?,
                 statistics: None,
                 buf: whole()?,
             },
             1 => return Ok(None),
-            2 => Page::DictionaryPage {
-                num_values,
-                encoding: encoded(self.encoding)?,
-                is_sorted: false,
+            2 => Page::DictionaryPage { num_values, encoding: encoding()?, is_sorted: false, buf: whole()? },
+            3 => Page::DataPageV2 {
                 buf: whole()?,
+                num_values,
+                encoding: encoding()?,
+                num_nulls: small(self.missing)?,
+                num_rows: small(self.rows)?,
+                def_levels_byte_len: small(definition)?,
+                rep_levels_byte_len: small(repetition)?,
+                is_compressed: false,
+                statistics: None,
             },
-            3 => {
-                let [definition, repetition] = self.level_bytes;
-                let levels = definition.saturating_add(repetition);
-                if levels > self.unpacked.min(self.packed) {
-                    return Err(wrong("levels longer than the page"));
-                }
-                #[allow(clippy::cast_possible_truncation)] // no longer than the page
-                let levels = levels as usize;
-                let buf = if self.is_plain || packing == PagePacking::Plain {
-                    read()?
-                } else {
-                    let packed = read()?;
-                    let mut out = packed[..levels].to_vec();
-                    if unpacked > levels {
-                        packing.unpack(&packed[levels..], unpacked - levels, &mut out)?;
-                    }
-                    out
-                };
-                Page::DataPageV2 {
-                    buf: buf.into(),
-                    num_values,
-                    encoding: encoded(self.encoding)?,
-                    num_nulls: small(self.missing)?,
-                    num_rows: small(self.rows)?,
-                    def_levels_byte_len: small(definition)?,
-                    rep_levels_byte_len: small(repetition)?,
-                    is_compressed: false,
-                    statistics: None,
-                }
-            }
             _ => return Err(wrong("a page of a kind that there is not")),
         }))
     }
-}
-
-/// An encoding by its number (`parquet.thrift`).
-fn encoding(number: i64) -> Option<Encoding> {
-    Some(match number {
-        0 => Encoding::PLAIN,
-        2 => Encoding::PLAIN_DICTIONARY,
-        3 => Encoding::RLE,
-        #[allow(deprecated)] // of levels, in old files
-        4 => Encoding::BIT_PACKED,
-        5 => Encoding::DELTA_BINARY_PACKED,
-        6 => Encoding::DELTA_LENGTH_BYTE_ARRAY,
-        7 => Encoding::DELTA_BYTE_ARRAY,
-        8 => Encoding::RLE_DICTIONARY,
-        9 => Encoding::BYTE_STREAM_SPLIT,
-        _ => return None,
-    })
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use crate::element::{Element, ElementKind};
 use crate::records::StoredCell;
 use crate::time::{TimeCode, TimeForm};
-use crate::{TimeKind, TimeUnit};
+use crate::{TimeKind, TimeUnit, refuse_if};
 use parquet::basic::{ConvertedType, LogicalType, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{ByteArray, DataType};
@@ -16,9 +16,7 @@ const BYTES: i32 = 16;
 /// What a column holds, nothing of texts, which have several lengths, and the power of ten that its numbers are to be multiplied by; or why it
 /// is left out.
 pub(super) fn stored(descriptor: &ColumnDescriptor) -> Result<(Option<StoredCell>, i32), &'static str> {
-    if descriptor.max_rep_level() > 0 {
-        return Err("a list in each row");
-    }
+    refuse_if(descriptor.max_rep_level() > 0, || "a list in each row")?;
     let (physical, logical) = (descriptor.physical_type(), descriptor.logical_type_ref());
     let number = |kind, bytes| Ok((Some(StoredCell::Number(Element::little(kind, bytes))), 0));
     let decimal = match (logical, descriptor.converted_type()) {
@@ -32,18 +30,13 @@ pub(super) fn stored(descriptor: &ColumnDescriptor) -> Result<(Option<StoredCell
     };
     if let Some(scale) = decimal.map(i32::saturating_neg) {
         let bytes = match physical {
+            _ if !(-400..=400).contains(&scale) => return Err("decimal numbers of more than 38 digits"),
             Type::INT32 => 4,
             Type::INT64 => 8,
             Type::FIXED_LEN_BYTE_ARRAY if (1..=BYTES).contains(&descriptor.type_length()) => 16,
             _ => return Err("decimal numbers of more than 38 digits"),
         };
-        let element = Element::little(ElementKind::Signed, bytes);
-        let fits = (-400..=400).contains(&scale);
-        return if fits {
-            Ok((Some(StoredCell::Number(element)), scale))
-        } else {
-            Err("decimal numbers of more than 38 digits")
-        };
+        return Ok((Some(StoredCell::Number(Element::little(ElementKind::Signed, bytes))), scale));
     }
     if let Some(code) = time(descriptor) {
         return Ok((Some(StoredCell::Time(code)), 0));
@@ -54,26 +47,21 @@ pub(super) fn stored(descriptor: &ColumnDescriptor) -> Result<(Option<StoredCell
         Type::DOUBLE => number(ElementKind::Float, 8),
         Type::INT32 | Type::INT64 => {
             let whole = if physical == Type::INT32 { 4 } else { 8 };
-            match (logical, descriptor.converted_type()) {
+            match descriptor.converted_type() {
+                _ if !matches!(logical, Some(LogicalType::Integer { .. }) | None) => {
+                    Err("dates or times of day")
+                }
                 // Where ends of it may say that there is no number.
-                (Some(LogicalType::Integer { .. }) | None, ConvertedType::INT_16) => {
-                    number(ElementKind::Signed, 2)
+                ConvertedType::INT_16 => number(ElementKind::Signed, 2),
+                ConvertedType::UINT_16 => number(ElementKind::Unsigned, 2),
+                ConvertedType::UINT_8 | ConvertedType::UINT_32 | ConvertedType::UINT_64 => {
+                    number(ElementKind::Unsigned, whole)
                 }
-                (Some(LogicalType::Integer { .. }) | None, ConvertedType::UINT_16) => {
-                    number(ElementKind::Unsigned, 2)
-                }
-                (
-                    Some(LogicalType::Integer { .. }) | None,
-                    ConvertedType::UINT_8 | ConvertedType::UINT_32 | ConvertedType::UINT_64,
-                ) => number(ElementKind::Unsigned, whole),
-                (Some(LogicalType::Integer { .. }), _)
-                | (
-                    None,
-                    ConvertedType::NONE
-                    | ConvertedType::INT_8
-                    | ConvertedType::INT_32
-                    | ConvertedType::INT_64,
-                ) => number(ElementKind::Signed, whole),
+                ConvertedType::NONE
+                | ConvertedType::INT_8
+                | ConvertedType::INT_32
+                | ConvertedType::INT_64 => number(ElementKind::Signed, whole),
+                _ if logical.is_some() => number(ElementKind::Signed, whole),
                 _ => Err("dates or times of day"),
             }
         }

@@ -9,7 +9,7 @@ use crate::limits;
 use crate::records::StoredCell;
 use crate::source::SharedFile;
 use crate::time::{TimeCode, TimeForm};
-use crate::{TimeKind, TimeUnit};
+use crate::{Result, TimeKind, TimeUnit, refuse_if};
 use std::collections::HashMap;
 
 pub(super) const FORMAT: &str = "TDMS";
@@ -48,6 +48,7 @@ pub(super) struct TdmsFile {
 }
 
 /// A channel.
+#[derive(Default)]
 pub(super) struct TdmsChannel {
     pub(super) group: String,
     pub(super) name: String,
@@ -135,13 +136,13 @@ mod toc {
 }
 
 impl TdmsFile {
-    pub(super) fn read(source: &SharedFile) -> Result<Self, FormatError> {
+    pub(super) fn read(source: &SharedFile) -> Result<Self> {
         let mut file = Self::default();
         let mut active: Vec<usize> = Vec::new();
         let mut budget = METADATA_BYTES;
         let mut at = 0;
         while at < source.length() {
-            limits::at_most(FORMAT, "the number of segments", file.segments.len() as u64, SEGMENTS)?;
+            limits::at_most(FORMAT, "the number of segments", file.segments.len(), SEGMENTS)?;
             at = file.segment(source, at, &mut active, &mut budget)?;
         }
         Ok(file)
@@ -154,20 +155,17 @@ impl TdmsFile {
         at: u64,
         active: &mut Vec<usize>,
         budget: &mut u64,
-    ) -> Result<u64, FormatError> {
+    ) -> Result<u64> {
         let lead = source.bytes(FORMAT, at, 28)?;
         let mut lead = ByteCursor::new(FORMAT, &lead, at);
         let contents = lead.mark(b"TDSm")?.u32()?;
         let big_endian = contents & toc::BIG_ENDIAN != 0;
         let mut lead = lead.with(0, big_endian);
         let version = lead.u32()?;
-        if contents & !toc::ALL != 0 || !VERSIONS.contains(&version) {
-            return Err(damaged(
-                at,
-                format!("a segment of version {version} with the contents {contents:#x}"),
-                "version 4712 or 4713, and contents of known kinds",
-            ));
-        }
+        refuse_if(contents & !toc::ALL != 0 || !VERSIONS.contains(&version), || {
+            let found = format!("a segment of version {version} with the contents {contents:#x}");
+            damaged(at, found, "version 4712 or 4713, and contents of known kinds")
+        })?;
         let (next, raw) = (lead.u64()?, lead.u64()?);
         let start = at + LEAD_IN;
         let unfinished = next == u64::MAX;
@@ -181,17 +179,14 @@ impl TdmsFile {
         if contents & toc::METADATA != 0 {
             limits::at_most(FORMAT, "the length of the metadata", raw, *budget)?;
             *budget -= raw;
-            #[allow(clippy::cast_possible_truncation)] // bounded by the line above
-            let bytes = source.bytes(FORMAT, start, raw as usize)?;
+            let bytes = source.bytes(FORMAT, start, raw)?;
             let mut reader = ByteCursor::new(FORMAT, &bytes, start).with(0, big_endian);
             self.objects(&mut reader, active, contents & toc::NEW_OBJECTS != 0)?;
         }
         if contents & toc::RAW_DATA == 0 || raw_start == end {
             return Ok(end);
         }
-        if contents & toc::DAQMX != 0 {
-            return Err(unsupported(DAQMX, DAQMX_REMEDY));
-        }
+        refuse_if(contents & toc::DAQMX != 0, || unsupported(DAQMX, DAQMX_REMEDY))?;
         let interleaved = contents & toc::INTERLEAVED != 0;
         let layout = self.layout(at, active, interleaved)?;
         self.add(at, raw_start, end, layout, unfinished)?;
@@ -199,12 +194,7 @@ impl TdmsFile {
     }
 
     /// Reads the list of objects.
-    fn objects(
-        &mut self,
-        reader: &mut ByteCursor<'_>,
-        active: &mut Vec<usize>,
-        all_new: bool,
-    ) -> Result<(), FormatError> {
+    fn objects(&mut self, reader: &mut ByteCursor<'_>, active: &mut Vec<usize>, all_new: bool) -> Result<()> {
         if all_new {
             active.drain(..).for_each(|number| self.channels[number].active = false);
         }
@@ -212,27 +202,19 @@ impl TdmsFile {
         for _ in 0..reader.u32()? {
             let path = text(reader)?;
             let names = names(&path).ok_or_else(|| {
-                reader.damaged(
-                    format!("the path `{}`", path.chars().take(64).collect::<String>()),
-                    "such as /'group'/'channel'",
-                )
+                let found = format!("the path `{}`", path.chars().take(64).collect::<String>());
+                reader.damaged(found, "such as /'group'/'channel'")
             })?;
-            let mut of_group = None;
-            let channel = match names {
-                (Some(group), Some(name)) => Some(self.channel(path, group, name)?),
-                (group, _) => {
-                    of_group = group;
-                    None
-                }
+            let (channel, of_group) = match names {
+                (Some(group), Some(name)) => (Some(self.channel(path, group, name)?), None),
+                (group, _) => (None, group),
             };
             let header = reader.u32()?;
             let index = match (header, channel) {
                 (u32::MAX, _) => None,
                 (0, Some(channel)) => Some(self.channels[channel].index.ok_or_else(|| {
-                    reader.damaged(
-                        "the same values as before, where there were none".to_owned(),
-                        "what they are",
-                    )
+                    let found = "the same values as before, where there were none".to_owned();
+                    reader.damaged(found, "what they are")
                 })?),
                 (0x1269 | 0x126a | 0x1369 | 0x6912_0000 | 0x6a12_0000 | 0x6913_0000, _) => {
                     return Err(unsupported(DAQMX, DAQMX_REMEDY));
@@ -246,10 +228,8 @@ impl TdmsFile {
                 let channel = &mut self.channels[number];
                 match channel.kind {
                     Some(kind) if kind != index.value => {
-                        return Err(unsupported(
-                            &format!("the channel `{}`, whose type changes,", channel.name),
-                            "write it with one type",
-                        ));
+                        let what = format!("the channel `{}`, whose type changes,", channel.name);
+                        return Err(unsupported(&what, "write it with one type"));
                     }
                     _ => channel.kind = Some(index.value),
                 }
@@ -268,7 +248,7 @@ impl TdmsFile {
                     (Some(number), _) => &mut self.channels[number].properties,
                     (None, Some(group)) => {
                         let count = self.groups.len() as u64;
-                        limits::at_most(FORMAT, "the number of groups", count, limits::COLUMNS as u64)?;
+                        limits::at_most(FORMAT, "the number of groups", count, limits::COLUMNS)?;
                         self.groups.entry(group.clone()).or_default()
                     }
                     (None, None) => &mut self.root,
@@ -279,28 +259,19 @@ impl TdmsFile {
         Ok(())
     }
 
-    fn channel(&mut self, path: String, group: String, name: String) -> Result<usize, FormatError> {
+    fn channel(&mut self, path: String, group: String, name: String) -> Result<usize> {
         if let Some(number) = self.numbers.get(&path) {
             return Ok(*number);
         }
         let number = self.channels.len();
-        limits::at_most(FORMAT, "the number of channels", number as u64, limits::COLUMNS as u64)?;
+        let channel = TdmsChannel { group, name, ..TdmsChannel::default() };
+        limits::push(FORMAT, "the number of channels", &mut self.channels, channel)?;
         self.numbers.insert(path, number);
-        self.channels.push(TdmsChannel {
-            group,
-            name,
-            kind: None,
-            rows: 0,
-            properties: Properties::default(),
-            clocks: Vec::new(),
-            index: None,
-            active: false,
-        });
         Ok(number)
     }
 
     /// What a chunk holds; the last one again where nothing changed.
-    fn layout(&mut self, at: u64, active: &[usize], interleaved: bool) -> Result<usize, FormatError> {
+    fn layout(&mut self, at: u64, active: &[usize], interleaved: bool) -> Result<usize> {
         let last = self.layouts.last().filter(|last| !self.changed && last.interleaved == interleaved);
         if last.is_some() {
             return Ok(self.layouts.len() - 1);
@@ -312,9 +283,9 @@ impl TdmsFile {
         for (channel, index) in indices {
             let value = index.value.bytes();
             let part = ChunkPart { channel, offset, rows: index.rows, stride: value, bytes: index.bytes };
-            if interleaved && matches!(index.value, TdmsValue::Text { .. }) {
-                return Err(damaged(at, "interleaved texts".to_owned(), "texts one after the other"));
-            }
+            refuse_if(interleaved && matches!(index.value, TdmsValue::Text { .. }), || {
+                damaged(at, "interleaved texts".to_owned(), "texts one after the other")
+            })?;
             parts.push(part);
             offset =
                 offset.checked_add(if interleaved { value } else { index.bytes }).ok_or_else(overflow)?;
@@ -322,10 +293,10 @@ impl TdmsFile {
         let mut chunk_bytes = offset;
         if interleaved {
             let rows = parts.first().map_or(0, |part| part.rows);
-            if parts.iter().any(|part| part.rows != rows) {
-                return Err(damaged(at, "interleaved channels of several lengths".to_owned(), "one length"));
-            }
-            limits::at_most(FORMAT, "the bytes of a row", offset, limits::ROW_BYTES as u64)?;
+            refuse_if(parts.iter().any(|part| part.rows != rows), || {
+                damaged(at, "interleaved channels of several lengths".to_owned(), "one length")
+            })?;
+            limits::at_most(FORMAT, "the bytes of a row", offset, limits::ROW_BYTES)?;
             for part in &mut parts {
                 part.stride = offset;
             }
@@ -342,33 +313,19 @@ impl TdmsFile {
     }
 
     /// Adds a segment's raw data.
-    fn add(
-        &mut self,
-        at: u64,
-        start: u64,
-        end: u64,
-        layout: usize,
-        unfinished: bool,
-    ) -> Result<(), FormatError> {
+    fn add(&mut self, at: u64, start: u64, end: u64, layout: usize, unfinished: bool) -> Result<()> {
         let ChunkLayout { chunk_bytes, interleaved, ref parts } = self.layouts[layout];
         let bytes = end - start;
-        if chunk_bytes == 0 {
-            return Err(damaged(
-                at,
-                format!("{bytes} bytes of values of no channel"),
-                "channels with values",
-            ));
-        }
+        refuse_if(chunk_bytes == 0, || {
+            damaged(at, format!("{bytes} bytes of values of no channel"), "channels with values")
+        })?;
         let (chunks, rest) = (bytes / chunk_bytes, bytes % chunk_bytes);
         let mut cut_rows = 0;
         if rest != 0 {
-            if !unfinished {
-                return Err(damaged(
-                    at,
-                    format!("{bytes} bytes of values"),
-                    &format!("a multiple of {chunk_bytes}, the bytes of a chunk"),
-                ));
-            }
+            refuse_if(!unfinished, || {
+                let expected = format!("a multiple of {chunk_bytes}, the bytes of a chunk");
+                damaged(at, format!("{bytes} bytes of values"), &expected)
+            })?;
             let whole = |part: &ChunkPart| match (interleaved, part.stride) {
                 (true, stride) => rest / stride.max(1),
                 // Texts are whole when the chunk is.
@@ -397,13 +354,13 @@ impl TdmsFile {
 }
 
 /// A text behind its length.
-fn text(reader: &mut ByteCursor<'_>) -> Result<String, FormatError> {
+fn text(reader: &mut ByteCursor<'_>) -> Result<String> {
     let length = reader.u32()? as usize;
     reader.text(length)
 }
 
 /// What values are, by their code.
-fn value(reader: &mut ByteCursor<'_>) -> Result<TdmsValue, FormatError> {
+fn value(reader: &mut ByteCursor<'_>) -> Result<TdmsValue> {
     let code = reader.u32()?;
     let number = |kind, bytes| {
         TdmsValue::Stored(StoredCell::Number(Element { kind, bytes, big_endian: reader.big_endian }))
@@ -435,12 +392,10 @@ fn value(reader: &mut ByteCursor<'_>) -> Result<TdmsValue, FormatError> {
 }
 
 /// What a segment says of the values of a channel.
-fn index(reader: &mut ByteCursor<'_>) -> Result<RawDataIndex, FormatError> {
+fn index(reader: &mut ByteCursor<'_>) -> Result<RawDataIndex> {
     let value = value(reader)?;
     let axes = reader.u32()?;
-    if axes != 1 {
-        return Err(reader.damaged(format!("values along {axes} axes"), "1"));
-    }
+    refuse_if(axes != 1, || reader.damaged(format!("values along {axes} axes"), "1"))?;
     let rows = reader.u64()?;
     let bytes = match value {
         TdmsValue::Text { .. } => reader.u64()?,
@@ -448,16 +403,15 @@ fn index(reader: &mut ByteCursor<'_>) -> Result<RawDataIndex, FormatError> {
             .checked_mul(value.bytes())
             .ok_or_else(|| reader.damaged(format!("{rows} values"), "fewer"))?,
     };
-    if matches!(value, TdmsValue::Text { .. }) && rows.checked_mul(4).is_none_or(|places| places > bytes) {
-        return Err(
-            reader.damaged(format!("{rows} texts in {bytes} bytes"), "four bytes for each, and the texts")
-        );
-    }
+    refuse_if(
+        matches!(value, TdmsValue::Text { .. }) && rows.checked_mul(4).is_none_or(|places| places > bytes),
+        || reader.damaged(format!("{rows} texts in {bytes} bytes"), "four bytes for each, and the texts"),
+    )?;
     Ok(RawDataIndex { value, rows, bytes })
 }
 
 /// A property's value behind its code.
-fn property(reader: &mut ByteCursor<'_>) -> Result<Property, FormatError> {
+fn property(reader: &mut ByteCursor<'_>) -> Result<Property> {
     let value = value(reader)?;
     Ok(match value {
         TdmsValue::Text { .. } => Property::Text(text(reader)?),

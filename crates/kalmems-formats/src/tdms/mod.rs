@@ -5,30 +5,33 @@ mod scales;
 
 use crate::clock::{ClockRun, ClockedChannels};
 use crate::name::with_unit;
-use crate::records::{CellKind, RecordField, RecordLane, RecordTable};
+use crate::records::{CellKind, RecordLane};
 use crate::scaling::{self, Scaling};
 use crate::source::SharedFile;
-use crate::{Column, FormatError, Hints, OmittedPart, Table, limits};
+use crate::table_parts::{TableParts, only};
+use crate::{Column, FormatError, Hints, Result, Table, limits};
 use metadata::{ChunkPart, FORMAT, TdmsFile, TdmsValue, damaged, unsupported};
 use std::sync::Arc;
 
-pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, FormatError> {
+pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>> {
     let file = TdmsFile::read(&source)?;
     let group = group(&file, hints)?;
     let file_bytes = source.length();
     let (source, file) = (Arc::new(source), Arc::new(file));
-    let (mut fields, mut lanes, mut left_out) =
-        (Vec::<RecordField>::new(), Vec::<Box<dyn RecordLane>>::new(), Vec::new());
+    let mut table = TableParts::new(FORMAT);
+    table.recognised = format!("the channels of the group `{group}`, a column each");
     let (mut clocks, mut scaled) = (Vec::new(), String::new());
     for (number, channel) in file.channels.iter().enumerate().filter(|(_, channel)| channel.group == group) {
-        let lane = lanes.len();
+        let lane = table.lanes.len();
         let (cells, record) = match channel.kind {
             Some(TdmsValue::Stored(cell)) => (CellKind::Stored { lane, offset: 0, cell }, cell.bytes()),
             Some(TdmsValue::Text { .. }) => (CellKind::Texts { lane }, 0),
-            other => {
-                let what =
-                    if let Some(TdmsValue::Other { what, .. }) = other { what } else { "without values" };
-                left_out.push(OmittedPart::new(&channel.name, what));
+            Some(TdmsValue::Other { what, .. }) => {
+                table.leave_out(&channel.name, what);
+                continue;
+            }
+            None => {
+                table.leave_out(&channel.name, "without values");
                 continue;
             }
         };
@@ -36,8 +39,7 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
         let steps = match scales::steps(objects) {
             Ok(steps) => steps,
             Err(what) => {
-                let why = format!("{what}: write its scaled values");
-                left_out.push(OmittedPart::new(&channel.name, why));
+                table.leave_out(&channel.name, format!("{what}: write its scaled values"));
                 continue;
             }
         };
@@ -55,47 +57,27 @@ pub(crate) fn open(source: SharedFile, hints: &Hints) -> Result<Box<dyn Table>, 
             runs => runs.to_vec(),
         });
         let column = Column::new(&name).at(format!("{} of {group}", channel.name));
+        let (source, file) = (Arc::clone(&source), Arc::clone(&file));
+        table.add(column, cells, channel.rows, Box::new(ChannelLane::new(source, file, number, record)));
         let scaling = Scaling { missing: Vec::new(), steps };
-        fields.push(RecordField { scaling, ..RecordField::new(column, cells, channel.rows) });
-        lanes.push(Box::new(ChannelLane {
-            source: Arc::clone(&source),
-            file: Arc::clone(&file),
-            channel: number,
-            record,
-            segment: 0,
-            chunk: 0,
-            row: 0,
-            place: None,
-            texts: Vec::new(),
-            scratch: Vec::new(),
-        }));
+        table.fields.last_mut().into_iter().for_each(|field| field.scaling = scaling.clone());
     }
-    if fields.is_empty() {
-        return Err(unsupported(
-            &format!(
-                "the group `{group}` without a channel of numbers or labels ({})",
-                limits::list(&left_out)
-            ),
-            "write the name of another in `group`",
-        ));
-    }
-    let mut recognised = format!("the channels of the group `{group}`, a column each");
-    let (fields_of, lanes_of) = (&mut fields, &mut lanes);
     let stated_by = "wf_start_time, wf_start_offset, wf_increment";
-    let channels = ClockedChannels { fields: fields_of, lanes: lanes_of, clocks, stated_by };
-    recognised.push_str(&channels.settle());
-    recognised.push_str(&scaled);
+    let TableParts { fields, lanes, .. } = &mut table;
+    let said = ClockedChannels { fields, lanes, clocks, stated_by }.settle();
+    table.recognised.push_str(&said);
+    table.recognised.push_str(&scaled);
     if file.unfinished {
-        recognised.push_str(&format!(
+        table.recognised.push_str(&format!(
             "; the recording was not ended: {} bytes of its last chunk were looked at for whole rows",
             file.left_over
         ));
     }
-    Ok(Box::new(RecordTable::new(FORMAT, recognised, left_out, fields, lanes, file_bytes)))
+    table.table(file_bytes, &format!("the group `{group}`"), "write the name of another in `group`")
 }
 
 /// The group that is meant.
-fn group(file: &TdmsFile, hints: &Hints) -> Result<String, FormatError> {
+fn group(file: &TdmsFile, hints: &Hints) -> Result<String> {
     let mut groups: Vec<&str> = Vec::new();
     for channel in file.channels.iter().filter(|channel| channel.kind.is_some()) {
         if groups.last() != Some(&channel.group.as_str()) && groups.len() < limits::COLUMNS {
@@ -104,17 +86,17 @@ fn group(file: &TdmsFile, hints: &Hints) -> Result<String, FormatError> {
     }
     groups.sort_unstable();
     groups.dedup();
-    let list = || limits::list(&groups.iter().map(|group| format!("`{group}`")).collect::<Vec<_>>());
-    match (&hints.group, &groups[..]) {
-        (Some(wanted), groups) if groups.contains(&wanted.as_str()) => Ok(wanted.clone()),
-        (Some(wanted), _) => Err(unsupported(
-            &format!("the group `{wanted}`, which is not in the file,"),
-            &format!("write one of {}", list()),
-        )),
-        (None, [only]) => Ok((*only).to_owned()),
-        (None, []) => Err(unsupported("a file without channels", "record some")),
-        (None, _) => {
-            Err(unsupported("several groups at a time", &format!("write `group` as one of {}", list())))
+    match &hints.group {
+        Some(wanted) if groups.contains(&wanted.as_str()) => Ok(wanted.clone()),
+        Some(wanted) => {
+            let list = limits::list(&groups.iter().map(|group| format!("`{group}`")).collect::<Vec<_>>());
+            let what = format!("the group `{wanted}`, which is not in the file,");
+            Err(unsupported(&what, &format!("write one of {list}")))
+        }
+        None => {
+            let places = groups.into_iter().map(|group| (group.to_owned(), ())).collect();
+            only(FORMAT, places)?
+                .map_or(Err(unsupported("a file without channels", "record some")), |(name, ())| Ok(name))
         }
     }
 }
@@ -146,6 +128,13 @@ struct ValueRun<'a> {
 }
 
 impl ChannelLane {
+    /// At the first value.
+    fn new(source: Arc<SharedFile>, file: Arc<TdmsFile>, channel: usize, record: usize) -> Self {
+        let (segment, chunk, row) = (0, 0, 0);
+        let (place, texts, scratch) = (None, Vec::new(), Vec::new());
+        Self { source, file, channel, record, segment, chunk, row, place, texts, scratch }
+    }
+
     /// The rest of the chunk with the next value.
     fn run<'a>(&mut self, file: &'a TdmsFile) -> Option<ValueRun<'a>> {
         loop {
@@ -186,7 +175,7 @@ impl RecordLane for ChannelLane {
         self.record
     }
 
-    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<(), FormatError> {
+    fn read(&mut self, rows: usize, out: &mut Vec<u8>) -> Result<()> {
         let file = Arc::clone(&self.file);
         out.clear();
         let mut missing = rows;
@@ -215,7 +204,7 @@ impl RecordLane for ChannelLane {
         Ok(())
     }
 
-    fn texts(&mut self, rows: usize, out: &mut Vec<Vec<u8>>) -> Result<(), FormatError> {
+    fn texts(&mut self, rows: usize, out: &mut Vec<Vec<u8>>) -> Result<()> {
         let file = Arc::clone(&self.file);
         out.clear();
         while out.len() < rows {
@@ -223,8 +212,7 @@ impl RecordLane for ChannelLane {
                 let run = self.run(&file).ok_or_else(|| self.ended())?;
                 let (start, count) = (run.chunk + run.part.offset, run.part.rows);
                 limits::at_most(FORMAT, "the texts of a chunk", run.part.bytes, limits::HEADER_BYTES)?;
-                #[allow(clippy::cast_possible_truncation)] // bounded by the line above
-                let bytes = self.source.bytes(FORMAT, start, run.part.bytes as usize)?;
+                let bytes = self.source.bytes(FORMAT, start, run.part.bytes)?;
                 let big_endian =
                     file.channels[self.channel].kind == Some(TdmsValue::Text { big_endian: true });
                 self.texts = split_texts(start, &bytes, count, big_endian)?;
@@ -238,7 +226,7 @@ impl RecordLane for ChannelLane {
 }
 
 /// The texts of a chunk: where each ends, and then all of them.
-fn split_texts(place: u64, bytes: &[u8], count: u64, big_endian: bool) -> Result<Vec<Vec<u8>>, FormatError> {
+fn split_texts(place: u64, bytes: &[u8], count: u64, big_endian: bool) -> Result<Vec<Vec<u8>>> {
     // `RawDataIndex` has compared them.
     let (ends, letters) = bytes.split_at(usize::try_from(count * 4).unwrap_or(bytes.len()).min(bytes.len()));
     let mut texts = Vec::new();
@@ -247,11 +235,8 @@ fn split_texts(place: u64, bytes: &[u8], count: u64, big_endian: bool) -> Result
         let end = [end[0], end[1], end[2], end[3]];
         let end = if big_endian { u32::from_be_bytes(end) } else { u32::from_le_bytes(end) } as usize;
         let text = letters.get(start..end).ok_or_else(|| {
-            damaged(
-                place,
-                format!("a text from {start} to {end} of {} bytes", letters.len()),
-                "one within them",
-            )
+            let found = format!("a text from {start} to {end} of {} bytes", letters.len());
+            damaged(place, found, "one within them")
         })?;
         texts.push(text.to_vec());
         start = end;

@@ -3,7 +3,7 @@
 
 use crate::clock::{ChannelClock, SampleStep};
 use crate::scaling::ScalingStep;
-use crate::{Instant, limits};
+use crate::{Instant, limits, refuse_if};
 use std::collections::HashMap;
 
 /// Scales of a channel.
@@ -125,17 +125,15 @@ pub(super) fn steps(objects: [Option<&Properties>; 3]) -> Result<Vec<ScalingStep
         |properties: &&Properties| properties.count().is_some_and(|count| count > 0) && !scaled(properties);
     let Some(properties) = objects.into_iter().flatten().find(said) else { return Ok(Vec::new()) };
     let count = properties.count().unwrap_or(0);
-    if count > SCALES {
-        return Err(format!("{count} scales; at most {SCALES} are read"));
-    }
+    refuse_if(count > SCALES, || format!("{count} scales; at most {SCALES} are read"))?;
     let mut steps = Vec::new();
     let mut number = (count - 1) as f64;
     // From the last back to the stored values, each at most once.
     for _ in 0..count {
         let prefix = format!("NI_Scale[{number}]");
-        let Some(kind) = properties.text(&format!("{prefix}_Scale_Type")) else {
-            return Err(format!("raw values of DAQmx, by `{prefix}`"));
-        };
+        let kind = properties
+            .text(&format!("{prefix}_Scale_Type"))
+            .ok_or_else(|| format!("raw values of DAQmx, by `{prefix}`"))?;
         let own = |name: &str| {
             let name = format!("{prefix}_{kind}_{name}");
             properties.number(&name).ok_or_else(|| format!("`{name}` is not there"))
@@ -160,9 +158,9 @@ pub(super) fn steps(objects: [Option<&Properties>; 3]) -> Result<Vec<ScalingStep
             steps.reverse();
             return Ok(steps);
         }
-        if !(0.0..count as f64).contains(&input) || input.fract() != 0.0 {
-            return Err(format!("the input {input} of `{prefix}`"));
-        }
+        refuse_if(!(0.0..count as f64).contains(&input) || input.fract() != 0.0, || {
+            format!("the input {input} of `{prefix}`")
+        })?;
         number = input;
     }
     Err("scales that refer to each other".to_owned())
@@ -175,16 +173,16 @@ fn table(properties: &Properties, prefix: &str) -> Result<ScalingStep, String> {
         properties.several(&name, count)
     };
     let (mut from, mut to) = (values("Pre_Scaled_Values")?, values("Scaled_Values")?);
-    if from.len() != to.len() || from.is_empty() {
-        return Err(format!("`{prefix}_Table` of {} to {} points", from.len(), to.len()));
-    }
+    refuse_if(from.len() != to.len() || from.is_empty(), || {
+        format!("`{prefix}_Table` of {} to {} points", from.len(), to.len())
+    })?;
     if from.first() > from.last() {
         from.reverse();
         to.reverse();
     }
-    if !from.windows(2).all(|pair| pair[0] < pair[1]) {
-        return Err(format!("`{prefix}_Table`, whose points neither rise nor fall"));
-    }
+    refuse_if(!from.windows(2).all(|pair| pair[0] < pair[1]), || {
+        format!("`{prefix}_Table`, whose points neither rise nor fall")
+    })?;
     Ok(ScalingStep::Table { from, to })
 }
 

@@ -1,7 +1,7 @@
 //! How binary formats keep times.
 
 use super::{Instant, TimeKind, TimeReader, TimeUnit};
-use crate::element::{Element, records};
+use crate::element::{CellPlaces, Element};
 
 /// The integer that is no time.
 const NO_TIME: i128 = i64::MIN as i128;
@@ -35,26 +35,18 @@ impl TimeCode {
         }
     }
 
-    /// Appends the times that stand in `raw` from `offset` on, `stride` bytes apart.
-    pub(crate) fn read(
-        self,
-        raw: &[u8],
-        offset: usize,
-        stride: usize,
-        rows: usize,
-        times: &mut TimeReader,
-        out: &mut Vec<f64>,
-    ) {
-        let cells = || records(raw, offset, stride, self.bytes()).take(rows);
+    /// Appends the times that stand in some cells.
+    pub(crate) fn read(self, cells: CellPlaces<'_>, times: &mut TimeReader, out: &mut Vec<f64>) {
         match self.form {
-            TimeForm::Counted(element) => element.times(raw, offset, stride, rows, times, out),
+            TimeForm::Counted(element) => element.times(cells, times, out),
             TimeForm::Integer(element) => {
                 let time = |number: i128| if number == NO_TIME { f64::NAN } else { times.integer(number) };
-                out.extend(cells().map(|cell| element.integer(cell)).map(time));
+                out.extend(cells.of(self.bytes()).map(|cell| element.integer(cell)).map(time));
             }
-            TimeForm::Labview { big_endian } => out.extend(
-                cells().map(|cell| labview(cell, big_endian).map_or(f64::NAN, |time| times.instant(time))),
-            ),
+            TimeForm::Labview { big_endian } => {
+                let mut time = |cell| labview(cell, big_endian).map_or(f64::NAN, |time| times.instant(time));
+                out.extend(cells.of(self.bytes()).map(&mut time));
+            }
         }
     }
 
@@ -73,7 +65,7 @@ impl TimeCode {
         }
         let mut number = Vec::with_capacity(1);
         let mut times = TimeReader::new(self.unit, Some(Instant::ZERO));
-        self.read(raw, 0, self.bytes(), 1, &mut times, &mut number);
+        self.read(CellPlaces::one(raw), &mut times, &mut number);
         crate::element::shortest(number.first().copied().unwrap_or(f64::NAN))
     }
 }

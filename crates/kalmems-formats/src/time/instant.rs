@@ -6,44 +6,41 @@ use std::fmt;
 use std::str::FromStr;
 
 /// Parts of a second that are told apart, in a second.
-const PARTS: u64 = 1_000_000_000_000_000_000;
+const PARTS: i128 = 1_000_000_000_000_000_000;
 /// As a power of ten.
 const PLACES: i32 = 18;
 
-/// A point in time as seconds from some zero on: whole ones and parts of 10⁻¹⁸ s, exactly. What is finer is rounded to them.
+/// A point in time as seconds from some zero on: whole ones of 64 bits and parts of 10⁻¹⁸ s, exactly. What is finer is rounded to them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Instant {
-    /// Whole seconds, rounded down.
-    seconds: i64,
-    /// Parts of the next second, fewer than [`PARTS`].
-    parts: u64,
+    parts: i128,
 }
 
 impl Instant {
     /// Zero.
-    pub const ZERO: Self = Self { seconds: 0, parts: 0 };
+    pub const ZERO: Self = Self { parts: 0 };
 
     /// Whole seconds.
     pub const fn of_seconds(seconds: i64) -> Self {
-        Self { seconds, parts: 0 }
+        Self { parts: seconds as i128 * PARTS }
     }
 
     /// Whole seconds and parts of 10⁻¹⁸ s behind them, fewer than 10¹⁸.
     pub(crate) const fn new(seconds: i64, parts: u64) -> Self {
-        Self { seconds, parts }
+        Self { parts: seconds as i128 * PARTS + parts as i128 }
+    }
+
+    /// So many parts, where their seconds are of 64 bits.
+    fn of_parts(parts: i128) -> Option<Self> {
+        i64::try_from(parts.div_euclid(PARTS)).is_ok().then_some(Self { parts })
     }
 
     /// Seconds since 1904 and fractions of 2⁻⁶⁴ s, as LabVIEW and TDMS keep them, from 1970 on. `None` beyond the range.
     pub(crate) fn of_labview(seconds: i64, fraction: u64) -> Option<Self> {
-        let seconds = seconds.checked_add(super::LABVIEW_ZERO_S)?;
-        let scaled = u128::from(fraction) * u128::from(PARTS) + (1 << 63);
         // Fewer than 10¹⁸, but where the fraction is nearer to a whole second than half a part.
-        let parts = u64::try_from(scaled >> 64).ok()?;
-        if parts == PARTS {
-            Some(Self { seconds: seconds.checked_add(1)?, parts: 0 })
-        } else {
-            Some(Self { seconds, parts })
-        }
+        let parts = (u128::from(fraction) * PARTS.unsigned_abs() + (1 << 63)) >> 64;
+        let seconds = i128::from(seconds) + i128::from(super::LABVIEW_ZERO_S);
+        Self::of_parts(seconds * PARTS + i128::try_from(parts).ok()?)
     }
 
     /// An integer in a unit, exactly. `None` beyond the range.
@@ -70,31 +67,27 @@ impl Instant {
     /// w·10^q, or its opposite, in a unit.
     #[inline]
     pub(crate) fn of_decimal(w: u128, q: i32, negative: bool, unit: TimeUnit) -> Option<Self> {
-        if w == 0 {
-            return Some(Self::of_seconds(unit.zero_s));
-        }
-        let w = w.checked_mul(u128::from(unit.factor))?;
-        let q = q.checked_add(unit.power)?;
-        let (whole, parts) = split(w, q)?;
-        let time = if negative {
-            let borrowed = parts > 0;
-            let whole = whole.checked_neg()?.checked_sub(i64::from(borrowed))?;
-            Self { seconds: whole, parts: if borrowed { PARTS - parts } else { 0 } }
-        } else {
-            Self { seconds: whole, parts }
+        let w = if w == 0 { 0 } else { w.checked_mul(u128::from(unit.factor))? };
+        let q = q.checked_add(unit.power)?.checked_add(PLACES)?;
+        let parts = match 10_u128.checked_pow(q.unsigned_abs()) {
+            _ if w == 0 => 0,
+            Some(power) if q >= 0 => w.checked_mul(power)?,
+            // Finer than a part: rounded to it.
+            Some(finer) => w / finer + u128::from(w % finer >= finer.div_ceil(2)),
+            None if q < 0 => 0,
+            None => return None,
         };
-        Some(Self { seconds: time.seconds.checked_add(unit.zero_s)?, ..time })
+        let parts = i128::try_from(parts).ok()?;
+        let zero = i128::from(unit.zero_s) * PARTS;
+        Self::of_parts(zero.checked_add(if negative { -parts } else { parts })?)
     }
 
     /// The seconds from another one to this, rounded once.
     #[inline]
     pub fn since(self, origin: Self) -> f64 {
-        let (late, early, sign) = if self >= origin { (self, origin, 1.0) } else { (origin, self, -1.0) };
-        let borrow = late.parts < early.parts;
-        let parts = if borrow { late.parts + PARTS - early.parts } else { late.parts - early.parts };
-        // The difference of two i64 fits u64.
-        let seconds = late.seconds.abs_diff(early.seconds) - u64::from(borrow);
-        sign * seconds_of(seconds, parts)
+        let parts = self.parts - origin.parts;
+        let size = seconds_of(parts.unsigned_abs());
+        if parts < 0 { -size } else { size }
     }
 
     /// Whether it is within so many seconds of zero.
@@ -105,61 +98,26 @@ impl Instant {
 
     /// The nearest nanosecond.
     pub(crate) fn to_nanosecond(self) -> Self {
-        const NANO: u64 = PARTS / 1_000_000_000;
-        let parts = (self.parts + NANO / 2) / NANO * NANO;
-        let carry = parts / PARTS;
-        Self { seconds: self.seconds.saturating_add_unsigned(carry), parts: parts % PARTS }
+        const NANO: i128 = PARTS / 1_000_000_000;
+        Self { parts: (self.parts + NANO / 2).div_euclid(NANO) * NANO }
     }
 
     /// Whole seconds, rounded down, and the parts of 10⁻¹⁸ s behind them.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // of 64 bits, and fewer than `PARTS`
     pub(crate) const fn seconds_and_parts(self) -> (i64, u64) {
-        (self.seconds, self.parts)
+        (self.parts.div_euclid(PARTS) as i64, self.parts.rem_euclid(PARTS) as u64)
     }
 }
 
-/// w·10^q as whole ones and parts of 10⁻¹⁸, the last rounded to nearest. `None` beyond i64.
+/// Parts of a second as f64 seconds, rounded once.
 #[inline]
-fn split(w: u128, q: i32) -> Option<(i64, u64)> {
-    if q >= 0 {
-        // More zeros than i64 has are beyond it.
-        let whole = w.checked_mul(10_u128.checked_pow(q.unsigned_abs())?)?;
-        return Some((i64::try_from(whole).ok()?, 0));
-    }
-    let places = q.unsigned_abs();
-    // Below 2¹²⁸·10⁻⁵⁷ s nothing is left.
-    if places > 57 {
-        return Some((0, 0));
-    }
-    if q >= -PLACES {
-        // What measurements write: one division of 64 bits.
-        let unit = 10_u64.pow(places);
-        let (whole, rest) = match u64::try_from(w) {
-            Ok(w) => (u128::from(w / unit), w % unit),
-            #[allow(clippy::cast_possible_truncation)] // less than the unit
-            Err(_) => (w / u128::from(unit), (w % u128::from(unit)) as u64),
-        };
-        return Some((i64::try_from(whole).ok()?, rest * 10_u64.pow(PLACES.unsigned_abs() - places)));
-    }
-    // Finer than a part: rounded to it.
-    let all = match 10_u128.checked_pow(places - PLACES.unsigned_abs()) {
-        Some(finer) => w / finer + u128::from(w % finer >= finer.div_ceil(2)),
-        None => 0,
-    };
-    let (whole, parts) = (all / u128::from(PARTS), all % u128::from(PARTS));
-    Some((i64::try_from(whole).ok()?, u64::try_from(parts).ok()?))
-}
-
-/// Whole seconds and parts as f64, rounded once.
-#[inline]
-fn seconds_of(seconds: u64, parts: u64) -> f64 {
-    if seconds == 0
-        && let Some(number) = scaled(parts, -PLACES)
-    {
-        return number;
-    }
-    // In units in which it is a whole number of 64 bits: picoseconds, or nanoseconds.
-    for (unit, places) in [(1_000_000, 12_u32), (1_000_000_000, 9)] {
+#[allow(clippy::cast_possible_truncation)] // fewer than `PARTS`
+fn seconds_of(all: u128) -> f64 {
+    let (seconds, parts) = (all / PARTS.unsigned_abs(), (all % PARTS.unsigned_abs()) as u64);
+    // In units in which it is a whole number of 64 bits: parts, picoseconds, or nanoseconds.
+    for (unit, places) in [(1, 18_u32), (1_000_000, 12), (1_000_000_000, 9)] {
         if parts.is_multiple_of(unit)
+            && let Ok(seconds) = u64::try_from(seconds)
             && let Some(whole) = seconds.checked_mul(10_u64.pow(places))
             && let Some(whole) = whole.checked_add(parts / unit)
             && let Some(number) = scaled(whole, -places.cast_signed())
@@ -168,19 +126,14 @@ fn seconds_of(seconds: u64, parts: u64) -> f64 {
         }
     }
     // A text that is always a number.
-    fast_float2::parse(format!("{seconds}.{parts:018}")).unwrap_or(seconds as f64)
+    fast_float2::parse(format!("{all}e-{PLACES}")).unwrap_or(seconds as f64)
 }
 
 /// As a decimal number of seconds, exactly: `1763834400.123456`.
 impl fmt::Display for Instant {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (sign, seconds, parts) = if self.seconds < 0 {
-            let whole = self.parts == 0;
-            let parts = if whole { 0 } else { PARTS - self.parts };
-            ("-", self.seconds.unsigned_abs() - u64::from(!whole), parts)
-        } else {
-            ("", self.seconds.unsigned_abs(), self.parts)
-        };
+        let (sign, size) = (if self.parts < 0 { "-" } else { "" }, self.parts.unsigned_abs());
+        let (seconds, parts) = (size / PARTS.unsigned_abs(), size % PARTS.unsigned_abs());
         if parts == 0 {
             return write!(f, "{sign}{seconds}");
         }

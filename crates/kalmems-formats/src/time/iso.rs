@@ -1,6 +1,7 @@
 //! Dates and times as text: ISO 8601, and what is near to it and has one meaning.
 
 use super::Instant;
+use chrono::{Datelike, NaiveDate};
 
 /// A text that is a date or a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,11 +78,10 @@ impl UnreadText<'_> {
         let month = rest.digits(2)?;
         rest.one_of(&[mark])?;
         let day = rest.digits(2)?;
-        if !(1..=12).contains(&month) || !(1..=days_of(year, month)).contains(&day) {
-            return None;
-        }
+        let [year, month, day] = [year, month, day].map(|number| u32::try_from(number).unwrap_or(0));
+        let date = NaiveDate::from_ymd_opt(year.cast_signed(), month, day)?;
         self.text = rest.text;
-        Some(days_since_1970(year, month, day))
+        Some(date.to_epoch_days().into())
     }
 
     /// Hours of one or two digits, minutes, and perhaps seconds with a fraction.
@@ -129,52 +129,17 @@ impl UnreadText<'_> {
     }
 }
 
-const fn is_leap(year: i64) -> bool {
-    year % 4 == 0 && (year % 100 != 0 || year % 400 == 0)
-}
-
-const fn days_of(year: i64, month: i64) -> i64 {
-    match month {
-        2 if is_leap(year) => 29,
-        2 => 28,
-        4 | 6 | 9 | 11 => 30,
-        _ => 31,
-    }
-}
-
-/// The days from 1 January 1970 to a date of the Gregorian calendar, counted in years that begin with March.
-const fn days_since_1970(year: i64, month: i64, day: i64) -> i64 {
-    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    let era = year.div_euclid(400);
-    let of_era = year.rem_euclid(400);
-    // Five months from March, and again from August, have 153 days.
-    let of_year = (153 * month + 2) / 5 + day - 1;
-    era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468
-}
-
-/// The date of a day.
-const fn date(days: i64) -> (i64, i64, i64) {
-    let days = days + 719_468;
-    let (era, of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));
-    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year + year / 4 - year / 100);
-    let month = (5 * of_year + 2) / 153;
-    let day = of_year - (153 * month + 2) / 5 + 1;
-    let (month, next) = if month < 10 { (month + 3, 0) } else { (month - 9, 1) };
-    (era * 400 + year + next, month, day)
-}
-
 impl Instant {
     /// As a date and time of UTC, if it counts from 1970: `2026-11-22T18:00:00.123456Z`. `None` outside the years 0 to 9999.
     pub fn to_utc(self) -> Option<String> {
         let (seconds, parts) = self.seconds_and_parts();
-        let (year, month, day) = date(seconds.div_euclid(DAY_S));
-        if !(0..=9999).contains(&year) {
+        let date = NaiveDate::from_epoch_days(i32::try_from(seconds.div_euclid(DAY_S)).ok()?)?;
+        if !(0..=9999).contains(&date.year()) {
             return None;
         }
         let second = seconds.rem_euclid(DAY_S);
         let (hours, minutes, second) = (second / 3600, second / 60 % 60, second % 60);
-        let mut text = format!("{year:04}-{month:02}-{day:02}T{hours:02}:{minutes:02}:{second:02}");
+        let mut text = format!("{date}T{hours:02}:{minutes:02}:{second:02}");
         if parts > 0 {
             let fraction = format!(".{parts:018}");
             text.push_str(fraction.trim_end_matches('0'));

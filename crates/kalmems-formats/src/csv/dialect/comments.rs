@@ -1,10 +1,10 @@
 //! Lines before the rows that are marked as comments, among which names of columns may stand.
 
-use super::ColumnOrigin;
 use super::head::cells;
 use super::instruments::{self, InstrumentDialect};
 use super::marks;
 use super::units::{column_name, says_unit, unit_cell};
+use super::{ColumnOrigin, NamedColumns};
 use crate::time::parse_iso;
 
 /// As many are kept, the last ones.
@@ -44,10 +44,7 @@ impl Comments {
     }
 
     /// Columns without a unit with that which the instrument is known to have.
-    pub(super) fn with_known_units(
-        &self,
-        columns: Vec<(String, ColumnOrigin)>,
-    ) -> Vec<(String, ColumnOrigin)> {
+    pub(super) fn with_known_units(&self, columns: NamedColumns) -> NamedColumns {
         let Some(instrument) = self.instrument else { return columns };
         let named = |(index, (name, origin)): (usize, (String, ColumnOrigin))| {
             let unit = if says_unit(&name) { "" } else { instrument.unit_of(&name) };

@@ -4,11 +4,11 @@ use super::comments::{Comments, unmarked};
 use super::head::{TextHead, text};
 use super::marks::is_number;
 use super::units::{column_name, unit_cell};
-use super::{ColumnOrigin, RecognizedText, marks, preamble};
+use super::{ColumnOrigin, NamedColumns, RecognizedText, marks, preamble};
 use crate::csv::split::{BLANKS, Split};
 use crate::stated_clock::StatedNumbers;
 use crate::time::parse_iso;
-use crate::{FormatError, Hints};
+use crate::{FormatError, Hints, Result};
 
 /// Rows that are looked at.
 const ROWS: usize = 64;
@@ -19,7 +19,7 @@ pub(super) fn find(
     header: usize,
     comments: &Comments,
     hints: &Hints,
-) -> Result<RecognizedText, FormatError> {
+) -> Result<RecognizedText> {
     if hints.csv.header_line.is_none()
         && let Some(found) = below_comments(head, comments, hints)?
     {
@@ -84,11 +84,7 @@ pub(super) fn find(
 
 /// The dialect of rows of numbers below comments, one of which holds the names; `None` where the first line is no row,
 /// or no comment has as many words.
-fn below_comments(
-    head: &TextHead,
-    comments: &Comments,
-    hints: &Hints,
-) -> Result<Option<RecognizedText>, FormatError> {
+fn below_comments(head: &TextHead, comments: &Comments, hints: &Hints) -> Result<Option<RecognizedText>> {
     let Some((separator, count)) = marks::separator_of_rows(head, &hints.csv) else { return Ok(None) };
     let first_row = head.filled(0);
     if !head.cells(first_row, separator).iter().any(|cell| is_number(cell)) {
@@ -116,29 +112,23 @@ fn below_comments(
 }
 
 /// Columns with their units, and whether a name was joined with one that stands elsewhere.
-fn named_columns(
-    names: &[String],
-    unit: impl Fn(usize) -> Option<String>,
-) -> (Vec<(String, ColumnOrigin)>, bool) {
+fn named_columns(names: &[String], unit: impl Fn(usize) -> Option<String>) -> (NamedColumns, bool) {
     let named = |(index, name): (usize, &String)| {
         (column_name(name, unit(index).as_deref(), index), ColumnOrigin::Cell(index))
     };
-    let columns: Vec<(String, ColumnOrigin)> = names.iter().enumerate().map(named).collect();
+    let columns: NamedColumns = names.iter().enumerate().map(named).collect();
     let joined = columns.iter().zip(names).any(|((joined, _), name)| joined != name);
     (columns, joined)
 }
 
 /// Columns without names that are settings themselves, such as `tInc = 2.000000e-06`, with which a Rigol ends the line of its names.
-fn without_settings(
-    mut columns: Vec<(String, ColumnOrigin)>,
-    clock: &mut StatedNumbers,
-) -> Vec<(String, ColumnOrigin)> {
+fn without_settings(mut columns: NamedColumns, clock: &mut StatedNumbers) -> NamedColumns {
     columns.retain(|(name, _)| !(name.contains('=') && preamble::learn(name.as_bytes(), clock)));
     columns
 }
 
 /// The names, and how many lines they take: a quoted name may hold a line end.
-fn names(head: &TextHead, header: usize, separator: u8) -> Result<(Vec<String>, usize), FormatError> {
+fn names(head: &TextHead, header: usize, separator: u8) -> Result<(Vec<String>, usize)> {
     let line = head.line(header);
     let line = unmarked(line.trim_ascii()).unwrap_or(line);
     if separator == BLANKS
@@ -149,15 +139,15 @@ fn names(head: &TextHead, header: usize, separator: u8) -> Result<(Vec<String>, 
             Some(names) => Ok((names, 1)),
             // Rows of numbers from the first line on, whose names the experiment file may have.
             None if words.len() == count => Ok((words, 1)),
-            None => Err(FormatError::not_recognised(
-                format!(
-                    "{} words in line {} above rows of {count} numbers between blanks",
-                    words.len(),
-                    head.number(header)
-                ),
-                "a name for each column, in the file or in the settings: `format = { kind = \"csv\", \
-                           columns = [\"time_s\", …] }` in the table that names the file",
-            )),
+            None => {
+                let (count_of_words, line) = (words.len(), head.number(header));
+                let found = format!(
+                    "{count_of_words} words in line {line} above rows of {count} numbers between blanks"
+                );
+                let expected = "a name for each column, in the file or in the settings: `format = { kind = \"csv\", \
+                                columns = [\"time_s\", …] }` in the table that names the file";
+                Err(FormatError::not_recognised(found, expected))
+            }
         };
     }
     let mut split = Split::default();
@@ -174,12 +164,10 @@ fn names(head: &TextHead, header: usize, separator: u8) -> Result<(Vec<String>, 
     }
 }
 
-fn line_index(head: &TextHead, line: u64, key: &str) -> Result<usize, FormatError> {
+fn line_index(head: &TextHead, line: u64, key: &str) -> Result<usize> {
     (0..head.len()).find(|index| head.number(*index) == line).ok_or_else(|| {
-        FormatError::not_recognised(
-            format!("`{key} = {line}` in the settings"),
-            "a line of the beginning of the file, the first of which is 1",
-        )
+        let expected = "a line of the beginning of the file, the first of which is 1";
+        FormatError::not_recognised(format!("`{key} = {line}` in the settings"), expected)
     })
 }
 

@@ -3,7 +3,7 @@
 use super::head::{TextHead, cells, text};
 use crate::csv::grouped::grouped;
 use crate::csv::split::{BLANKS, Split};
-use crate::{CsvHints, FormatError};
+use crate::{CsvHints, FormatError, Result};
 use std::collections::BTreeSet;
 
 /// What can separate cells, and what it is called.
@@ -97,16 +97,14 @@ pub(super) fn names(line: &[u8], separator: u8, count: usize) -> Option<Vec<Stri
 /// What separates the cells below the names in a line: what the experiment file says, else the only one of the known ones
 /// that occurs in the names, or the only one by which the rows have as many cells. Blanks separate what is numbers by
 /// them and by nothing else.
-pub(super) fn separator(head: &TextHead, header: usize, hints: &CsvHints) -> Result<u8, FormatError> {
+pub(super) fn separator(head: &TextHead, header: usize, hints: &CsvHints) -> Result<u8> {
     if let Some(hint) = hints.separator {
         return u8::try_from(hint)
             .ok()
             .filter(|byte| SEPARATORS.iter().any(|(known, _)| known == byte))
             .ok_or_else(|| {
-                FormatError::not_recognised(
-                    format!("`separator = {hint:?}` in the settings"),
-                    "\",\", \";\", \"|\", \"\\t\" or \" \"",
-                )
+                let found = format!("`separator = {hint:?}` in the settings");
+                FormatError::not_recognised(found, "\",\", \";\", \"|\", \"\\t\" or \" \"")
             });
     }
     let count = |index: usize, separator: u8| head.cells(index, separator).len();
@@ -129,16 +127,13 @@ pub(super) fn separator(head: &TextHead, header: usize, hints: &CsvHints) -> Res
     if let [only] = fitting.as_slice() {
         return Ok(*only);
     }
-    let others: Vec<&str> = others.iter().map(|byte| name(*byte)).collect();
+    let ways: Vec<&str> = std::iter::once(&first).chain(others).map(|byte| name(*byte)).collect();
+    let (line, ways) = (head.number(header), ways.join(" or "));
+    let expected = "the settings to say which: `format = { kind = \"csv\", separator = \",\" }` in the table that \
+                    names the file";
     Err(FormatError::not_recognised(
-        format!(
-            "the names in line {} could be separated by {} or {}",
-            head.number(header),
-            name(first),
-            others.join(" or ")
-        ),
-        "the settings to say which: `format = { kind = \"csv\", separator = \",\" }` in the table that \
-                   names the file",
+        format!("the names in line {line} could be separated by {ways}"),
+        expected,
     ))
 }
 
@@ -164,26 +159,17 @@ pub(super) fn separator_of_rows(head: &TextHead, hints: &CsvHints) -> Option<(u8
 }
 
 /// The decimal mark of the rows from a line on.
-pub(super) fn point(
-    head: &TextHead,
-    first_row: usize,
-    separator: u8,
-    hints: &CsvHints,
-) -> Result<u8, FormatError> {
+pub(super) fn point(head: &TextHead, first_row: usize, separator: u8, hints: &CsvHints) -> Result<u8> {
     match (hints.decimal, separator) {
         (Some(','), b',') => {
-            return Err(FormatError::not_recognised(
-                "`decimal = \",\"` in the settings, and commas between the cells",
-                "another separator, or `decimal = \".\"`",
-            ));
+            let found = "`decimal = \",\"` in the settings, and commas between the cells";
+            return Err(FormatError::not_recognised(found, "another separator, or `decimal = \".\"`"));
         }
         (Some(','), _) => return Ok(b','),
         (Some('.'), _) | (None, b',') => return Ok(b'.'),
         (Some(other), _) => {
-            return Err(FormatError::not_recognised(
-                format!("`decimal = {other:?}` in the settings"),
-                "\".\" or \",\"",
-            ));
+            let found = format!("`decimal = {other:?}` in the settings");
+            return Err(FormatError::not_recognised(found, "\".\" or \",\""));
         }
         (None, _) => {}
     }
@@ -209,11 +195,12 @@ pub(super) fn point(
         }
     }
     match found {
-        [Some((point, line)), Some((comma, other))] => Err(FormatError::not_recognised(
-            format!("`{point}` in line {line} and `{comma}` in line {other}"),
-            "one decimal mark, which the settings can say: `format = { kind = \"csv\", decimal = \
-                       \",\" }` in the table that names the file",
-        )),
+        [Some((point, line)), Some((comma, other))] => {
+            let found = format!("`{point}` in line {line} and `{comma}` in line {other}");
+            let expected = "one decimal mark, which the settings can say: `format = { kind = \"csv\", decimal = \
+                            \",\" }` in the table that names the file";
+            Err(FormatError::not_recognised(found, expected))
+        }
         [None, Some(_)] => Ok(b','),
         _ => Ok(b'.'),
     }

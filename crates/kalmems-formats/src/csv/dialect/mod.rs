@@ -11,10 +11,10 @@ mod units;
 
 use super::input::CsvInput;
 use super::split::Split;
-use crate::clock::RegularTimes;
+use crate::clock::{RegularTimes, rows_between};
 use crate::stated_clock::{StatedNumbers, names_a_time};
 use crate::time::{IsoTime, TimeKind, parse_iso};
-use crate::{Column, FormatError, Hints, TableEvidence};
+use crate::{Column, FormatError, Hints, Result, TableEvidence, limits};
 use comments::Comments;
 use head::TextHead;
 pub(super) use instruments::Heading;
@@ -70,6 +70,9 @@ pub(super) enum ColumnOrigin {
     Record,
 }
 
+/// Columns with their units in their names, and where their values come from.
+pub(super) type NamedColumns = Vec<(String, ColumnOrigin)>;
+
 /// How rows make records, where a file tells.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum RecordShape {
@@ -115,9 +118,10 @@ pub(super) struct RecognizedText {
     /// Whether each cell begins with the name of its column: `ax:1.5`.
     pub(super) named_cells: bool,
     /// Names, units in them, and where their values come from.
-    columns: Vec<(String, ColumnOrigin)>,
-    /// Columns of times of their own, each with its waveform's, behind those of the first waveform, which are the first two.
-    own_times: Vec<(usize, usize)>,
+    columns: NamedColumns,
+    /// Columns of times of their own, each with its waveform's, behind those of the first waveform, which are the first two; once they are
+    /// compared all waveforms that stand beside each other, with the first column as the times of the rows.
+    pub(super) own_times: Vec<(usize, usize)>,
     /// What the lines before the rows state of a clock.
     clock: StatedNumbers,
     /// Where the units are from, for people; empty where the names have them as a matter of course.
@@ -144,7 +148,7 @@ impl RecognizedText {
 }
 
 /// Tells the dialect and takes all that comes before the first row.
-pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, FormatError> {
+pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect> {
     if !input.more()? {
         return Ok(nothing());
     }
@@ -189,10 +193,8 @@ pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, 
         }
     }
     if let Some(place) = memchr::memchr(0, input.lines()) {
-        return Err(FormatError::not_recognised(
-            format!("a byte that is no text, {place} bytes from line {line} on"),
-            "text",
-        ));
+        let found = format!("a byte that is no text, {place} bytes from line {line} on");
+        return Err(FormatError::not_recognised(found, "text"));
     }
     let head = TextHead::new(input.lines(), line, wanted);
     if head.len() == 0 {
@@ -207,10 +209,9 @@ pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, 
         Some(header) => {
             let index = usize::try_from(header.saturating_sub(1)).ok().filter(|index| *index < head.len());
             let index = index.ok_or_else(|| {
-                FormatError::not_recognised(
-                    format!("`header_line = {header}` in the settings and {} lines", head.len()),
-                    "a line of the beginning of the file, the first of which is 1",
-                )
+                let found = format!("`header_line = {header}` in the settings and {} lines", head.len());
+                let expected = "a line of the beginning of the file, the first of which is 1";
+                FormatError::not_recognised(found, expected)
             })?;
             generic::find(&head, index, &comments, hints)?
         }
@@ -224,19 +225,9 @@ pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect, 
 }
 
 /// The dialect in words and numbers, and the bytes before its first row.
-fn finish(
-    mut found: RecognizedText,
-    head: &TextHead,
-    hints: &Hints,
-) -> Result<(Dialect, usize), FormatError> {
-    if found.columns.len() > MOST_COLUMNS || found.cells > MOST_COLUMNS {
-        return Err(FormatError::TooLarge {
-            format: "CSV",
-            what: "the number of columns".to_owned(),
-            found: found.cells as u64,
-            limit: MOST_COLUMNS as u64,
-        });
-    }
+fn finish(mut found: RecognizedText, head: &TextHead, hints: &Hints) -> Result<(Dialect, usize)> {
+    let columns = found.columns.len().max(found.cells);
+    limits::at_most("CSV", "the number of columns", columns, MOST_COLUMNS)?;
     if let Some(names) = &hints.columns {
         if names.len() != found.columns.len() {
             let mut present = match found.columns.len() {
@@ -248,15 +239,14 @@ fn finish(
                     found.columns.iter().take(20).map(|(name, _)| format!("`{name}`")).collect();
                 present += &format!(": {}", names.join(", "));
             }
-            return Err(FormatError::not_recognised(
-                present,
-                format!("as many as `columns` in the settings names, which are {}", names.len()),
-            ));
+            let expected = format!("as many as `columns` in the settings names, which are {}", names.len());
+            return Err(FormatError::not_recognised(present, expected));
         }
         for ((name, _), given) in found.columns.iter_mut().zip(names) {
             name.clone_from(given);
         }
     }
+    let apart = align(head, &mut found);
     let mut words = Vec::new();
     words.extend(found.instrument.map(|instrument| format!("written by {instrument}")));
     words.push(if found.cells == 1 {
@@ -306,33 +296,63 @@ fn finish(
     };
     let mut columns: Vec<DialectColumn> =
         std::mem::take(&mut found.columns).into_iter().zip(times).map(column).collect();
-    tell_apart(head, &found, &mut columns);
+    for (number, (column, why)) in apart.into_iter().enumerate() {
+        if let Some(DialectColumn { column, .. }) = columns.get_mut(column) {
+            // A waveform and its times are two of the columns.
+            (column.apart, column.group) = (Some(why), 1 + number / 2);
+        }
+    }
     let (first_row_line, bytes) = (head.number(found.first_row), head.bytes_before(found.first_row));
     let recognised = words.join(", ");
     Ok((Dialect { text: found, point, first_row_line, columns, grouped, evidence, recognised }, bytes))
 }
 
-/// Says which waveforms have other times than the first, as far as the first rows show it.
-fn tell_apart(head: &TextHead, found: &RecognizedText, columns: &mut [DialectColumn]) {
+/// Puts waveforms with times of their own to the rows of their times, as far as the first rows show these; the times of the rows are those
+/// of the earliest. Which columns do not stand beside the first waveform, and why.
+fn align(head: &TextHead, found: &mut RecognizedText) -> Vec<(usize, String)> {
     let rows: Vec<Vec<String>> =
         head.rows(found.first_row).map(|row| head.cells(row, found.separator)).collect();
-    for (number, (time, waveform)) in found.own_times.iter().enumerate() {
-        let [Some(of), Some(own)] = [0, *time].map(|column| columns.get(column)) else { continue };
-        let cells = |column: &DialectColumn| {
-            let cell = column.origin.cell();
-            rows.iter().map(|row| row.get(cell?).cloned()).collect::<Vec<_>>()
-        };
-        if cells(of) != cells(own) {
-            let (own, first) = (own.column.name.clone(), of.column.name.clone());
-            let why = format!("its times stand in `{own}` and are not those of `{first}`");
-            let others = [(*waveform, why), (*time, format!("it holds other times than `{first}`"))];
-            for (column, why) in others {
-                if let Some(DialectColumn { column, .. }) = columns.get_mut(column) {
-                    (column.apart, column.group) = (Some(why), number + 1);
-                }
+    let times = |found: &RecognizedText, column: usize| -> Vec<f64> {
+        let cell = found.columns.get(column).and_then(|(_, origin)| origin.cell());
+        let number = |row: &Vec<String>| fast_float2::parse(row.get(cell?)?.replace(',', ".")).ok();
+        rows.iter().map(|row| number(row).unwrap_or(f64::NAN)).take_while(|time| !time.is_nan()).collect()
+    };
+    let name = |column: usize| found.columns.get(column).map_or("", |(name, _)| name.as_str());
+    let (first, mut apart, mut aligned) = (times(found, 0), Vec::new(), vec![((0, 1), 0)]);
+    for (time, waveform) in found.own_times.iter().copied() {
+        match rows_between((&first, name(1)), &times(found, time)) {
+            Ok(rows) if rows == 0 || found.records == RecordShape::One => {
+                aligned.push(((time, waveform), rows));
+            }
+            Ok(_) => apart.push((waveform, "it begins later in a file of several records".to_owned())),
+            Err(why) => apart.push((waveform, why)),
+        }
+        if let Some((_, why)) = apart.last().filter(|(column, _)| *column == waveform) {
+            apart.push((time, why.clone()));
+        }
+    }
+    let Some(((clock, _), earliest)) = aligned.iter().min_by_key(|(_, rows)| *rows).copied() else {
+        return apart;
+    };
+    for ((time, waveform), rows) in &aligned {
+        for column in [*time, *waveform] {
+            if let Some((_, ColumnOrigin::Cell(cell))) = found.columns.get(column).cloned() {
+                found.columns[column].1 = ColumnOrigin::later(cell, rows.abs_diff(earliest));
             }
         }
     }
+    if clock != 0 {
+        (found.columns[0].1, found.columns[clock].1) = (found.columns[clock].1, found.columns[0].1);
+    }
+    let other = |((time, waveform), _): ((usize, usize), i64)| match time {
+        0 => (clock, waveform),
+        time if time == clock => (0, waveform),
+        time => (time, waveform),
+    };
+    if !found.own_times.is_empty() {
+        found.own_times = aligned.into_iter().map(other).collect();
+    }
+    apart
 }
 
 /// By what the first lines are known to be those of a table of numbers: below the names there is a row of as many cells, with a

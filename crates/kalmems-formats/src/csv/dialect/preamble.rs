@@ -3,9 +3,9 @@
 use super::head::TextHead;
 use super::marks::{self, is_number};
 use super::units::{says_unit, unit_cell};
-use crate::FormatError;
 use crate::csv::split::BLANKS;
 use crate::stated_clock::StatedNumbers;
+use crate::{FormatError, Result};
 
 /// Bytes of a line that is looked at.
 const LONGEST: usize = 256;
@@ -24,7 +24,7 @@ pub(super) struct HeaderPlace {
 
 /// The names behind a preamble: the line of words above the first rows of numbers with as many cells, where the line at the beginning
 /// has no such rows. What may be read in two ways is refused with what to write.
-pub(super) fn find(head: &TextHead) -> Result<Option<HeaderPlace>, FormatError> {
+pub(super) fn find(head: &TextHead) -> Result<Option<HeaderPlace>> {
     let separators = || marks::BYTES.into_iter().chain([BLANKS]);
     for first_row in head.rows(1) {
         for separator in separators() {
@@ -111,12 +111,7 @@ fn has_units(head: &TextHead, row: usize, separator: u8) -> bool {
 }
 
 /// Which of some lines of words above rows are names and units.
-fn of_words(
-    head: &TextHead,
-    separator: u8,
-    words: &[usize],
-    first_row: usize,
-) -> Result<HeaderPlace, FormatError> {
+fn of_words(head: &TextHead, separator: u8, words: &[usize], first_row: usize) -> Result<HeaderPlace> {
     let cells = |row: usize| head.cells(row, separator);
     let last = words.len() - 1;
     let place = |names: usize, units: Option<usize>| HeaderPlace { names, units, first_row };
@@ -128,15 +123,13 @@ fn of_words(
     if let Some(units) = below.filter(|units| last - (units - 1) <= BELOW_NAMES) {
         return Ok(place(words[units - 1], Some(words[units])));
     }
-    let line = head.number(words[last]);
-    Err(FormatError::not_recognised(
-        format!(
-            "lines {} to {line} each hold as many words as the rows below hold cells, and any of them may be the names",
-            head.number(words[0])
-        ),
-        format!(
-            "the settings to say which: `format = {{ kind = \"csv\", header_line = {line} }}` in the table that names the file, \
-             or `--header-line {line}`"
-        ),
-    ))
+    let [first, line] = [words[0], words[last]].map(|index| head.number(index));
+    let found = format!(
+        "lines {first} to {line} each hold as many words as the rows below hold cells, and any of them may be the names"
+    );
+    let expected = format!(
+        "the settings to say which: `format = {{ kind = \"csv\", header_line = {line} }}` in the table that names the file, \
+         or `--header-line {line}`"
+    );
+    Err(FormatError::not_recognised(found, expected))
 }

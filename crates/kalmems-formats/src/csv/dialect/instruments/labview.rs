@@ -3,10 +3,10 @@
 use super::super::head::TextHead;
 use super::waveforms::WaveformColumns;
 use super::{DialectSearch, TextBeginning, distinct};
-use crate::FormatError;
 use crate::clock::{RegularTimes, SampleStep};
-use crate::csv::dialect::{ColumnOrigin, RecognizedText, RecordShape};
+use crate::csv::dialect::{ColumnOrigin, NamedColumns, RecognizedText, RecordShape};
 use crate::time::{IsoTime, parse_iso};
+use crate::{FormatError, Result, refuse_if};
 
 /// What ends either header.
 const END: &[u8] = b"***End_of_Header***";
@@ -38,7 +38,7 @@ pub(in crate::csv) struct LabviewChannels {
     names: usize,
     /// How many cells a row has, but for one of remarks at its end.
     cells: usize,
-    columns: Vec<(String, ColumnOrigin)>,
+    columns: NamedColumns,
     own_times: Vec<(usize, usize)>,
 }
 
@@ -47,7 +47,7 @@ pub(super) fn find(text: &TextBeginning) -> DialectSearch {
 }
 
 /// The dialect that the header on the file and the first on channels say.
-fn found(head: &TextHead) -> Result<RecognizedText, FormatError> {
+fn found(head: &TextHead) -> Result<RecognizedText> {
     let ends: Vec<usize> = (0..head.len()).filter(|index| head.line(*index).starts_with(END)).collect();
     let [first, second, others @ ..] = ends.as_slice() else {
         let expected = "`***End_of_Header***` twice, once for the file and once for the channels";
@@ -104,26 +104,21 @@ impl Heading {
     }
 
     /// What the header on channels at the beginning of `text` says of them; `None` where more text is needed.
-    pub(in crate::csv) fn next(
-        self,
-        text: &[u8],
-        line: u64,
-        ended: bool,
-    ) -> Result<Option<LabviewChannels>, FormatError> {
+    pub(in crate::csv) fn next(self, text: &[u8], line: u64, ended: bool) -> Result<Option<LabviewChannels>> {
         let head = TextHead::new(text, line, LINES);
         match (0..head.len()).find(|index| head.line(*index).starts_with(END)) {
             Some(end) if end + 1 < head.len() => self.channels(&head, 0, end).map(Some),
             None if head.len() < LINES && !ended => Ok(None),
             Some(_) if !ended => Ok(None),
-            _ => Err(damaged(
-                &format!("a header in line {line} without an end"),
-                "`***End_of_Header***` and names",
-            )),
+            _ => {
+                let found = format!("a header in line {line} without an end");
+                Err(damaged(&found, "`***End_of_Header***` and names"))
+            }
         }
     }
 
     /// The channels of a header between two lines, and their names behind it.
-    fn channels(self, head: &TextHead, begin: usize, end: usize) -> Result<LabviewChannels, FormatError> {
+    fn channels(self, head: &TextHead, begin: usize, end: usize) -> Result<LabviewChannels> {
         let names = head.cells(end + 1, self.separator);
         let comment = usize::from(names.last().is_some_and(|name| name == "Comment"));
         let count = names.len() - comment;
@@ -172,11 +167,10 @@ impl Heading {
         let waveforms = WaveformColumns { names, cells, times, clocks, time_unit: &time_unit, unit: &unit };
         let own_times = waveforms.own_times();
         let columns = waveforms.columns().map_err(|why| {
-            FormatError::unsupported(
-                "LabVIEW measurement",
-                format!("channels with times of their own and no column for them ({why})"),
-                "write those with the same times in a file of their own, or a column of times for each",
-            )
+            let what = format!("channels with times of their own and no column for them ({why})");
+            let remedy =
+                "write those with the same times in a file of their own, or a column of times for each";
+            FormatError::unsupported("LabVIEW measurement", what, remedy)
         })?;
         Ok(LabviewChannels { names: end + 1, cells: count, columns, own_times })
     }
@@ -184,15 +178,11 @@ impl Heading {
 
 impl LabviewChannels {
     /// Refuses channels that begin at different times, in a file of several records.
-    fn refuse_later(&self) -> Result<(), FormatError> {
-        match self.columns.iter().find(|(_, origin)| matches!(origin, ColumnOrigin::Later { .. })) {
-            None => Ok(()),
-            Some((name, _)) => Err(FormatError::unsupported(
-                "LabVIEW measurement",
-                format!("a file of several records in which `{name}` begins later than other channels"),
-                "write each record to a file of its own",
-            )),
-        }
+    fn refuse_later(&self) -> Result<()> {
+        let is_later = |(_, origin): &&(String, ColumnOrigin)| matches!(origin, ColumnOrigin::Later { .. });
+        let Some((name, _)) = self.columns.iter().find(is_later) else { return Ok(()) };
+        let what = format!("a file of several records in which `{name}` begins later than other channels");
+        Err(FormatError::unsupported("LabVIEW measurement", what, "write each record to a file of its own"))
     }
 
     /// Where the values come from, where the channels are those before; how many bytes and lines the header takes.
@@ -200,17 +190,14 @@ impl LabviewChannels {
         self,
         before: &[super::super::DialectColumn],
         text: &[u8],
-    ) -> Result<(Vec<ColumnOrigin>, usize, u64), FormatError> {
+    ) -> Result<(Vec<ColumnOrigin>, usize, u64)> {
         let same = self.columns.iter().zip(before).all(|((name, _), column)| *name == column.column.name);
         self.refuse_later()?;
         // The last column is the number of the record.
-        if !same || self.columns.len() + 1 != before.len() {
-            return Err(FormatError::unsupported(
-                "LabVIEW measurement",
-                "a file of records with different channels",
-                "write each in a file of its own",
-            ));
-        }
+        refuse_if(!same || self.columns.len() + 1 != before.len(), || {
+            let what = "a file of records with different channels";
+            FormatError::unsupported("LabVIEW measurement", what, "write each in a file of its own")
+        })?;
         let bytes = memchr::memchr_iter(b'\n', text).nth(self.names).map_or(text.len(), |end| end + 1);
         Ok((self.columns.into_iter().map(|(_, origin)| origin).collect(), bytes, self.names as u64 + 1))
     }

@@ -11,12 +11,12 @@ pub(super) use table::InstrumentDialect;
 
 use super::head::TextHead;
 use super::units::column_name;
-use super::{ColumnOrigin, RecognizedText, marks};
-use crate::{CsvHints, FormatError};
+use super::{ColumnOrigin, NamedColumns, RecognizedText, marks};
+use crate::{CsvHints, Result};
 use table::{Signature, TextLayout};
 
 /// The dialect, where a text is an instrument's, or what is wrong with it.
-type DialectSearch = Option<Result<RecognizedText, FormatError>>;
+type DialectSearch = Option<Result<RecognizedText>>;
 
 /// The first lines of a text, and the first of them in cells.
 struct TextBeginning<'a> {
@@ -87,7 +87,7 @@ impl TextBeginning<'_> {
         instrument: &'static str,
         header: usize,
         first_row: usize,
-        columns: Vec<(String, ColumnOrigin)>,
+        columns: NamedColumns,
         units: impl Into<String>,
     ) -> RecognizedText {
         let (cells, trailing) = self.filled(first_row);
@@ -115,7 +115,7 @@ pub(super) fn lines(head: &TextHead) -> usize {
 }
 
 /// The dialect of a text that begins as an instrument's does.
-pub(super) fn find(head: &TextHead, hints: &CsvHints) -> Result<Option<RecognizedText>, FormatError> {
+pub(super) fn find(head: &TextHead, hints: &CsvHints) -> Result<Option<RecognizedText>> {
     let first = head.line(0);
     let separator = [b'\t', b';'].into_iter().find(|byte| first.contains(byte)).unwrap_or(b',');
     let text = TextBeginning { head, separator, cells: head.cells(0, separator) };

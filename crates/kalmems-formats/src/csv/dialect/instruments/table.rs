@@ -64,147 +64,106 @@ pub(super) struct WaveformKeys {
 
 use NamePlace::{Header, HeaderBeforeClock};
 use Signature::{Cells, Comment, Line};
-use TextLayout::{BesideRows, Plain, Titled, Waveforms};
+use UnitPlace::Known;
+
+/// One with names in the line whose first cell is one of these.
+const fn titled(
+    name: &'static str,
+    signature: Signature,
+    first_cells: &'static [&'static str],
+    names: NamePlace,
+    units: UnitPlace,
+) -> InstrumentDialect {
+    InstrumentDialect { name, signature, layout: TextLayout::Titled { first_cells, names, units } }
+}
+
+/// One with names above rows, known by a comment, with the units of columns by the beginnings of their names.
+const fn plain(
+    name: &'static str,
+    comment: &'static str,
+    units: &'static [(&'static str, &'static str)],
+) -> InstrumentDialect {
+    InstrumentDialect { name, signature: Comment(comment), layout: TextLayout::Plain(units) }
+}
+
+/// One with a value for each waveform behind keys.
+const fn waveforms(name: &'static str, signature: Signature, keys: WaveformKeys) -> InstrumentDialect {
+    InstrumentDialect { name, signature, layout: TextLayout::Waveforms(keys) }
+}
+
+const RIGOL: &str = "a Rigol oscilloscope";
+const TEKTRONIX: &str = "a Tektronix oscilloscope";
+const TEKTRONIX_UNITS: UnitPlace = UnitPlace::Keys("Horizontal Units", "Vertical Units");
+const LABONE: &str = "LabOne (Zurich Instruments)";
+const LABONE_UNITS: UnitPlace = Known(&[("freq", "Hz")], "no units, times in ticks of the device's clock");
+const LECROY_UNITS: UnitPlace = Known(&[("Time", "s")], "times in seconds, no unit of the amplitudes");
+const INFINIIUM: WaveformKeys = WaveformKeys {
+    names: "",
+    starts: "XOrg",
+    steps: "XInc",
+    time_units: &[("XUnits", 0), ("Units", 0)],
+    value_units: &[("YUnits", 0), ("Units", 1)],
+};
+const YOKOGAWA: WaveformKeys = WaveformKeys {
+    names: "TraceName",
+    starts: "HOffset",
+    steps: "HResolution",
+    time_units: &[("HUnit", 0)],
+    value_units: &[("VUnit", 0)],
+};
+const XSENS_UNITS: &[(&str, &str)] = &[
+    ("Acc_", "m_per_s2"),
+    ("FreeAcc_", "m_per_s2"),
+    ("Gyr_", "rad_per_s"),
+    ("Roll", "deg"),
+    ("Pitch", "deg"),
+    ("Yaw", "deg"),
+];
 
 /// The first that fits counts.
 pub(in crate::csv::dialect) const ALL: [InstrumentDialect; 17] = [
     // DS1000 and its kin: `X,CH1,Start,Increment,`, then `Sequence,Volt,-3e-04,1e-07`. What newer ones write is known as any text.
-    InstrumentDialect {
-        name: "a Rigol oscilloscope",
-        signature: Cells(&[(0, "X")]),
-        layout: Titled {
-            first_cells: &["X"],
-            names: HeaderBeforeClock("Start", "Increment"),
-            units: UnitPlace::Line(1),
-        },
-    },
+    titled(RIGOL, Cells(&[(0, "X")]), &["X"], HeaderBeforeClock("Start", "Increment"), UnitPlace::Line(1)),
     // UltraScope: `"Number of Data points =",8192,` and lines of settings, the channels behind `"Channel Data"`.
-    InstrumentDialect {
-        name: "a Rigol oscilloscope",
-        signature: Cells(&[(0, "Number of Data points =")]),
-        layout: Titled {
-            first_cells: &["Time (s)"],
-            names: NamePlace::Keys(&["Channel Data"]),
-            units: UnitPlace::Line(0),
-        },
-    },
+    titled(
+        RIGOL,
+        Cells(&[(0, "Number of Data points =")]),
+        &["Time (s)"],
+        NamePlace::Keys(&["Channel Data"]),
+        UnitPlace::Line(0),
+    ),
     // InfiniiVision: `x-axis,1,2`, then `second,Volt,Volt`.
-    InstrumentDialect {
-        name: "a Keysight oscilloscope",
-        signature: Cells(&[(0, "x-axis")]),
-        layout: Titled { first_cells: &["x-axis"], names: Header, units: UnitPlace::Line(1) },
-    },
-    InstrumentDialect {
-        name: "a Keysight Infiniium oscilloscope",
-        signature: Line("Revision:"),
-        layout: Waveforms(WaveformKeys {
-            names: "",
-            starts: "XOrg",
-            steps: "XInc",
-            time_units: &[("XUnits", 0), ("Units", 0)],
-            value_units: &[("YUnits", 0), ("Units", 1)],
-        }),
-    },
+    titled("a Keysight oscilloscope", Cells(&[(0, "x-axis")]), &["x-axis"], Header, UnitPlace::Line(1)),
+    waveforms("a Keysight Infiniium oscilloscope", Line("Revision:"), INFINIIUM),
     // `LECROYWR640Zi,12345,Waveform`, lines on the segments, then `Time,Ampl`.
-    InstrumentDialect {
-        name: "a LeCroy oscilloscope",
-        signature: Line("LECROY"),
-        layout: Titled {
-            first_cells: &["Time"],
-            names: Header,
-            units: UnitPlace::Known(&[("Time", "s")], "times in seconds, no unit of the amplitudes"),
-        },
-    },
+    titled("a LeCroy oscilloscope", Line("LECROY"), &["Time"], Header, LECROY_UNITS),
     // Lines of settings, then `Second,Volt,Volt`; the channels stand in `Source,CH1,CH2` in newer ones, in
     // `Vertical Scale,CH1: 0.05,CH2: 1.0` in older.
-    InstrumentDialect {
-        name: "a Siglent oscilloscope",
-        signature: Line("Record Length,Analog"),
-        layout: Titled {
-            first_cells: &["Second"],
-            names: NamePlace::Keys(&["Source", "Vertical Scale"]),
-            units: UnitPlace::Line(0),
-        },
-    },
+    titled(
+        "a Siglent oscilloscope",
+        Line("Record Length,Analog"),
+        &["Second"],
+        NamePlace::Keys(&["Source", "Vertical Scale"]),
+        UnitPlace::Line(0),
+    ),
     // TDS and TBS1000.
     InstrumentDialect {
         name: "a Tektronix TDS oscilloscope",
         signature: Cells(&[(0, "Record Length")]),
-        layout: BesideRows { time: 3, value: 4 },
+        layout: TextLayout::BesideRows { time: 3, value: 4 },
     },
     // Series 2 to 6 and TBS.
-    InstrumentDialect {
-        name: "a Tektronix oscilloscope",
-        signature: Cells(&[(0, "Record Length")]),
-        layout: TEKTRONIX,
-    },
-    InstrumentDialect {
-        name: "a Tektronix oscilloscope",
-        signature: Cells(&[(0, "Model")]),
-        layout: TEKTRONIX,
-    },
+    titled(TEKTRONIX, Cells(&[(0, "Record Length")]), &["TIME", "Time"], Header, TEKTRONIX_UNITS),
+    titled(TEKTRONIX, Cells(&[(0, "Model")]), &["TIME", "Time"], Header, TEKTRONIX_UNITS),
     // DL, DLM and ScopeCorder: `"Header Size",16`; below the keys stands an empty cell, or the time.
-    InstrumentDialect {
-        name: "a Yokogawa oscilloscope",
-        signature: Cells(&[(0, "Header Size")]),
-        layout: Waveforms(WaveformKeys {
-            names: "TraceName",
-            starts: "HOffset",
-            steps: "HResolution",
-            time_units: &[("HUnit", 0)],
-            value_units: &[("VUnit", 0)],
-        }),
-    },
-    InstrumentDialect {
-        name: "LabOne (Zurich Instruments)",
-        signature: Cells(&[(0, "chunk"), (1, "timestamp")]),
-        layout: LABONE,
-    },
-    InstrumentDialect {
-        name: "LabOne (Zurich Instruments)",
-        signature: Cells(&[(0, "timestamp"), (1, "value")]),
-        layout: LABONE,
-    },
-    InstrumentDialect { name: "a Moku", signature: Comment("Moku"), layout: Plain(&[]) },
-    InstrumentDialect {
-        name: "sigrok",
-        signature: Comment("CSV generated by libsigrok"),
-        layout: Plain(&[]),
-    },
-    InstrumentDialect {
-        name: "sigrok",
-        signature: Comment("CSV, generated by libsigrok"),
-        layout: Plain(&[]),
-    },
+    waveforms("a Yokogawa oscilloscope", Cells(&[(0, "Header Size")]), YOKOGAWA),
+    titled(LABONE, Cells(&[(0, "chunk"), (1, "timestamp")]), &["chunk", "timestamp"], Header, LABONE_UNITS),
+    titled(LABONE, Cells(&[(0, "timestamp"), (1, "value")]), &["chunk", "timestamp"], Header, LABONE_UNITS),
+    plain("a Moku", "Moku", &[]),
+    plain("sigrok", "CSV generated by libsigrok", &[]),
+    plain("sigrok", "CSV, generated by libsigrok", &[]),
     // X16, X2, HAM and their kin: times in seconds, counts of the sensor.
-    InstrumentDialect {
-        name: "a logger of Gulf Coast Data Concepts",
-        signature: Comment("Title, http://www.gcdataconcepts.com"),
-        layout: Plain(&[("time", "s")]),
-    },
+    plain("a logger of Gulf Coast Data Concepts", "Title, http://www.gcdataconcepts.com", &[("time", "s")]),
     // MT Manager.
-    InstrumentDialect {
-        name: "MT Manager (Xsens)",
-        signature: Comment("Start Time:"),
-        layout: Plain(&[
-            ("Acc_", "m_per_s2"),
-            ("FreeAcc_", "m_per_s2"),
-            ("Gyr_", "rad_per_s"),
-            ("Roll", "deg"),
-            ("Pitch", "deg"),
-            ("Yaw", "deg"),
-        ]),
-    },
+    plain("MT Manager (Xsens)", "Start Time:", XSENS_UNITS),
 ];
-
-const TEKTRONIX: TextLayout = Titled {
-    first_cells: &["TIME", "Time"],
-    names: Header,
-    units: UnitPlace::Keys("Horizontal Units", "Vertical Units"),
-};
-
-const LABONE: TextLayout = Titled {
-    first_cells: &["chunk", "timestamp"],
-    names: Header,
-    units: UnitPlace::Known(&[("freq", "Hz")], "no units, times in ticks of the device's clock"),
-};

@@ -17,11 +17,9 @@ pub(super) fn find(
 ) -> DialectSearch {
     let header = first_cells.iter().find_map(|first| text.head.find(first, text.separator))?;
     if text.head.cells(header, text.separator).iter().any(|name| name == "fieldname") {
-        return Some(Err(FormatError::unsupported(
-            "CSV",
-            "a LabOne file with a line for each field, such as sweeps are saved in,",
-            "save samples (`chunk;timestamp;x;y;…`), or as HDF5",
-        )));
+        let what = "a LabOne file with a line for each field, such as sweeps are saved in,";
+        let remedy = "save samples (`chunk;timestamp;x;y;…`), or as HDF5";
+        return Some(Err(FormatError::unsupported("CSV", what, remedy)));
     }
     below(text, instrument, header, places).map(Ok)
 }

@@ -3,9 +3,9 @@
 use super::super::units::column_name;
 use super::table::WaveformKeys;
 use super::{TextBeginning, distinct, number};
-use crate::FormatError;
 use crate::clock::{RegularTimes, SampleStep, rows_later};
-use crate::csv::dialect::{ColumnOrigin, RecognizedText, marks};
+use crate::csv::dialect::{ColumnOrigin, NamedColumns, RecognizedText, marks};
+use crate::{FormatError, Result};
 
 /// Waveforms that stand in cells beside each other.
 pub(super) struct WaveformColumns<'a> {
@@ -22,7 +22,7 @@ pub(super) struct WaveformColumns<'a> {
 
 impl WaveformColumns<'_> {
     /// Their columns; in words why they do not stand beside each other.
-    pub(super) fn columns(&self) -> Result<Vec<(String, ColumnOrigin)>, String> {
+    pub(super) fn columns(&self) -> Result<NamedColumns, String> {
         let (mut columns, mut later) = (Vec::new(), Vec::new());
         if let (true, Some(first)) = (self.times.is_empty(), self.clocks.first()) {
             let (start, rows) = rows_later(self.names, &self.clocks)?;
@@ -54,7 +54,7 @@ pub(super) fn find(
     text: &TextBeginning,
     instrument: &'static str,
     keys: &WaveformKeys,
-) -> Result<Option<RecognizedText>, FormatError> {
+) -> Result<Option<RecognizedText>> {
     // The first line, of the names, may have other separators or none.
     let separator = if (0..4).any(|line| text.head.line(line).contains(&b'\t')) { b'\t' } else { b',' };
     let text = &TextBeginning { head: text.head, separator, cells: Vec::new() };
@@ -111,11 +111,9 @@ pub(super) fn find(
     let own_times = waveforms.own_times();
     let columns = waveforms.columns().map_err(|why| {
         let (starts, steps) = (keys.starts, keys.steps);
-        FormatError::unsupported(
-            "CSV",
-            format!("a file of {instrument} with times of its own for each waveform (`{starts}`, `{steps}`; {why})"),
-            "save those with the same times in a file of their own, or with pairs of time and value",
-        )
+        let times = format!("times of its own for each waveform (`{starts}`, `{steps}`; {why})");
+        let remedy = "save those with the same times in a file of their own, or with pairs of time and value";
+        FormatError::unsupported("CSV", format!("a file of {instrument} with {times}"), remedy)
     })?;
     let header = text.head.find(keys.names, separator).unwrap_or(0);
     let mut found = text.found(instrument, header, first_row, columns, "units in the preamble");
