@@ -16,8 +16,8 @@ pub mod threshold_scanner;
 pub mod workflow;
 
 pub use kalmems_engines::rig::{
-    Estimator, Expansion, NumberForm, OmittedNumber, RecordingChannels,
-    Rig, StateDensity, Template, TemplateChannel, Workbench, sampling,
+    Estimator, Expansion, NumberForm, OmittedNumber, RecordingChannels, Rig, StateDensity, Template,
+    TemplateChannel, Workbench, sampling,
 };
 
 use kalmems_engines::{

@@ -198,8 +198,8 @@ fn an_export_is_whole_and_replaces_no_other() {
     assert!(source.contains(env!("CARGO_PKG_VERSION")) && source.contains("sha256") && !source.contains('@'));
 }
 
-/// Compiles C without a warning and runs it; `None` without a compiler.
-pub fn compiled(files: &[(String, String)], folder: &Path) -> Option<std::process::Output> {
+/// Compiles C without a warning, with these further arguments, and runs it; `None` without a compiler.
+pub fn compiled(files: &[(String, String)], folder: &Path, flags: &[&str]) -> Option<std::process::Output> {
     use std::process::Command;
     for (name, content) in files {
         fs::write(folder.join(name), content).unwrap();
@@ -215,6 +215,7 @@ pub fn compiled(files: &[(String, String)], folder: &Path) -> Option<std::proces
         .current_dir(folder)
         .args(["-std=c99", "-O1"])
         .args(warnings)
+        .args(flags)
         .args(["-o", "program"])
         .args(&sources)
         .output();
@@ -239,7 +240,7 @@ fn a_filter_of_equations_tests_itself_against_the_library() {
         };
         let exported = export(&own, &wanted).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        if let Some(run) = compiled(&exported.files, folder.path()) {
+        if let Some(run) = compiled(&exported.files, folder.path(), &[]) {
             assert!(run.status.success(), "{filter}: {}", String::from_utf8_lossy(&run.stderr));
         }
         // Another source of the same bytes.
@@ -281,7 +282,7 @@ fn the_program_of_a_source_estimates_what_the_library_does_where_a_sample_takes_
         let experiment = published().parse(&text, example(path).path()).unwrap();
         let exported = export(&experiment, &request(SourceLanguage::C, "EKF")).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        if compiled(&exported.files, folder.path()).is_none() {
+        if compiled(&exported.files, folder.path(), &[]).is_none() {
             return;
         }
         let main = file(&exported, "main.c");
@@ -406,7 +407,7 @@ fn self_tested(experiment: &Experiment, (wanted, mut exported): (&ExportRequest,
          const int passes = {name}_self_test(&worst);\n    printf(\"%g\\n\", (double)worst);\n    return !passes;\n}}\n"
     );
     let made = tempfile::tempdir().unwrap();
-    if let Some(run) = compiled(&exported.files, made.path()) {
+    if let Some(run) = compiled(&exported.files, made.path(), &[]) {
         let worst: f64 = String::from_utf8_lossy(&run.stdout).trim().parse().unwrap();
         println!("{filter:?}: C is off by {worst:.1e} of the largest value of a state");
         assert!(run.status.success() && worst < 1e-5, "{filter:?}: {worst:e}");

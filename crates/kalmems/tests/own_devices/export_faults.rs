@@ -26,6 +26,28 @@ int main(void)
 }
 "#;
 
+/// The same behind a storm of numbers with any bits: infinities, numbers without a leading one and what is none, in functions in any order.
+const STORM: &str = r#"
+    union { unsigned bits; float value; } any[4];
+    unsigned chance = 1U, k, i;
+    for (k = 0U; k < 300000U; k++) {
+        for (i = 0U; i < 4U; i++) {
+            chance ^= chance << 13;
+            chance ^= chance >> 17;
+            chance ^= chance << 5;
+            any[i].bits = chance;
+        }
+        switch (chance % 4U) {
+        case 0U: (void)scanner_filter_predict(&filter, any[0].value, any[1].value, any[2].value); break;
+        case 1U: (void)scanner_filter_update_signal(&filter, any[3].value); break;
+        default: (void)scanner_filter_step(&filter, any[0].value, any[1].value, any[2].value, any[3].value); break;
+        }
+        if (!(scanner_filter_value(&filter, 0U) - scanner_filter_value(&filter, 0U) == 0.0F)) {
+            return 1;
+        }
+    }
+"#;
+
 /// The statuses of the header.
 const FOLLOWING: f64 = 1.0;
 const LEFT_OUT: f64 = 2.0;
@@ -86,20 +108,20 @@ impl Said {
     }
 }
 
-/// The program of the exported filter; none without a compiler.
-fn program(folder: &std::path::Path) -> Option<std::path::PathBuf> {
+/// The program of the exported filter, with this behind its start and these arguments of the compiler; none without a compiler.
+fn program(folder: &std::path::Path, first: &str, flags: &[&str]) -> Option<std::path::PathBuf> {
     let experiment = example("shared_scanner/microcontroller.toml");
     let mut exported = source(published(), &experiment, &request(SourceLanguage::C, "EKF")).unwrap();
     let (_, main) = exported.files.iter_mut().find(|(name, _)| name == "main.c").unwrap();
-    PROGRAM.clone_into(main);
-    compiled(&exported.files, folder)?;
+    *main = PROGRAM.replace("    while (", &format!("{first}    while ("));
+    compiled(&exported.files, folder, flags)?;
     Some(folder.join("program"))
 }
 
 #[test]
 fn a_fault_is_said_at_once_and_does_not_outlast_itself() {
     let folder = tempfile::tempdir().unwrap();
-    let Some(program) = program(folder.path()) else { return };
+    let Some(program) = program(folder.path(), "", &[]) else { return };
     let [drive, signal, angle] = recorded();
     let clean = Said::of(&program, &drive, &signal);
     assert!(clean.statuses(9000..23_000).all(|status| status == FOLLOWING));
@@ -127,7 +149,7 @@ fn a_fault_is_said_at_once_and_does_not_outlast_itself() {
 #[test]
 fn a_signal_that_is_none_for_long_is_lost_and_found_again() {
     let folder = tempfile::tempdir().unwrap();
-    let Some(program) = program(folder.path()) else { return };
+    let Some(program) = program(folder.path(), "", &[]) else { return };
     let [drive, signal, angle] = recorded();
     let mut faulty = signal.clone();
     faulty[FAULT..FAULT + 4000].fill(0.0);
@@ -141,4 +163,18 @@ fn a_signal_that_is_none_for_long_is_lost_and_found_again() {
     let [found, without] = [&said, &clean].map(|one| one.error(&angle, rows.clone()));
     println!("{:.3} mrad rms at the end, {:.3} without it", 1e3 * found, 1e3 * without);
     assert!(found < 1.1 * without, "{found:e} and {without:e}");
+}
+
+/// Whatever a filter is handed, it keeps finite states and does nothing that C leaves undefined, and follows the signal when that is good again.
+#[test]
+fn a_storm_of_any_numbers_leaves_a_filter_that_begins_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let sanitised = ["-fsanitize=undefined,address", "-fno-sanitize-recover=all"];
+    let Some(program) = program(folder.path(), STORM, &sanitised) else { return };
+    let [drive, signal, angle] = recorded();
+    let said = Said::of(&program, &drive, &signal);
+    let rows = 22_000..23_900;
+    let found = said.error(&angle, rows.clone());
+    println!("{:.3} mrad rms at the end, begun again {} times", 1e3 * found, said.0.last().unwrap()[3]);
+    assert!(found < 1e-3 && said.statuses(rows).all(|status| status == FOLLOWING), "{found:e}");
 }
