@@ -59,7 +59,8 @@ pub fn sampling(rig: &dyn Rig, experiment: &Experiment) -> Option<OutlookTopic> 
             let remedy =
                 if lag.samples() > 1 { "" } else { ", wait for two samples (`interpolation_lag = 2`)" };
             text.push_str(&format!(
-                ", which a filter of a sharp resonance may show as an error: sample at a higher rate{remedy}"
+                ", which a filter of a sharp resonance may show as an error: sample at a higher rate{remedy}, or, of a steady drive of a device \
+                 in equations, state `interpolation = \"sine\"`"
             ));
         }
         text.push('.');
