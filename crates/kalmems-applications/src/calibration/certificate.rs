@@ -5,8 +5,9 @@
 use super::comparison::ReferenceComparison;
 use super::inputs::{OF_REPEATABILITY, OF_REPRODUCIBILITY};
 use super::outcome::{CalibratedGyroscope, Calibration, CrossCheck, UncertainEstimate};
-use super::rest::BiasMethod;
-use super::results::{at_rest, budget, comparisons, matrix, with_uncertainty};
+use super::quantities::{CalibratedQuantity, CertificateCheck};
+use super::rest::{BiasMethod, Sensor};
+use super::results::{at_rest, budget, comparisons, matrix, quantities, with_uncertainty};
 use super::tone::AXES;
 use crate::metrology::Input;
 use crate::recording::RecordingSource;
@@ -32,6 +33,8 @@ pub struct Certificate<'a> {
     pub results: Vec<CertifiedResult<'a>>,
     /// The bias at rest of each axis, in rad/s.
     pub bias: Vec<CertifiedBias>,
+    /// The numbers of records of other kinds, such as that of positions.
+    pub quantities: Vec<CertifiedQuantity<'a>>,
     /// Whether the references agree.
     pub comparisons: &'a [ReferenceComparison],
     /// Whether the model holds for the records, check by check.
@@ -118,15 +121,16 @@ pub struct CertifiedBias {
     pub bias: CertifiedValue,
 }
 
-/// A check of the model.
+/// A number of a record of another kind.
 #[derive(Clone, Debug, Serialize)]
-pub struct CertificateCheck {
-    /// What is looked at.
-    pub what: String,
-    /// Whether it passes.
-    pub passes: bool,
-    /// What was found.
-    pub found: String,
+pub struct CertifiedQuantity<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// The unit.
+    pub unit: &'a str,
+    /// The number.
+    #[serde(flatten)]
+    pub value: CertifiedValue,
 }
 
 impl CertifiedValue {
@@ -171,9 +175,10 @@ impl<'a> Certificate<'a> {
                 not_stated.push(place("uncertainty.alignment"));
             }
         }
-        let bias = found
-            .rest
-            .iter()
+        not_stated.extend(found.records.iter().flat_map(|record| record.not_stated.iter().cloned()));
+        // The mean of an accelerometer at rest has gravity in it and is no bias.
+        let gyroscopes = found.rest.iter().filter(|rest| rest.sensor == Sensor::Gyroscope);
+        let bias = gyroscopes
             .map(|rest| CertifiedBias { axis: rest.axis, bias: CertifiedValue::of(&rest.bias_estimate()) });
         let validity = validity(found);
         Self {
@@ -183,6 +188,12 @@ impl<'a> Certificate<'a> {
             method: method(found),
             results,
             bias: bias.collect(),
+            quantities: found
+                .records
+                .iter()
+                .flat_map(|record| &record.quantities)
+                .map(certified_quantity)
+                .collect(),
             comparisons: &found.comparisons,
             valid: validity.iter().all(|check| check.passes) && not_stated.is_empty(),
             validity,
@@ -190,6 +201,14 @@ impl<'a> Certificate<'a> {
             files: &found.sources,
             software: format!("kalmems {}", env!("CARGO_PKG_VERSION")),
         }
+    }
+}
+
+fn certified_quantity(quantity: &CalibratedQuantity) -> CertifiedQuantity<'_> {
+    CertifiedQuantity {
+        name: &quantity.name,
+        unit: quantity.unit,
+        value: CertifiedValue::of(&quantity.estimate),
     }
 }
 
@@ -271,7 +290,8 @@ fn method(found: &Calibration) -> String {
     if !found.results.is_empty() {
         method += " The sign of a scale factor is not determined.";
     }
-    let by = |method| found.rest.iter().any(|rest| rest.bias_method == method);
+    let by =
+        |method| found.rest.iter().any(|rest| rest.sensor == Sensor::Gyroscope && rest.bias_method == method);
     if by(BiasMethod::NoiseFit) {
         method += " The bias is the mean of a record at rest; its standard uncertainty is Allan's deviation at the length of the record by the noise \
                    that was fitted to Allan's variances, with the degrees of freedom of the variance at an eighth of the record.";
@@ -279,6 +299,9 @@ fn method(found: &Calibration) -> String {
     if by(BiasMethod::MeansOfPieces) {
         method += " The bias is the mean of a record at rest whose noise could not be fitted; its uncertainty is that of the means of eight pieces, \
                    which is right for noise that is white beyond an eighth of the record.";
+    }
+    for record in &found.records {
+        method += &format!(" {}", record.method);
     }
     method.trim_start().to_owned()
 }
@@ -344,6 +367,7 @@ fn validity(found: &Calibration) -> Vec<CertificateCheck> {
             },
         });
     }
+    checks.extend(found.records.iter().flat_map(|record| record.checks.iter().cloned()));
     checks.extend(found.comparisons.iter().map(|comparison| CertificateCheck {
         what: format!(
             "condition `{}`: {} and {} agree",
@@ -399,6 +423,9 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
         )));
         page = page.with(PageSection::new("Reference standards").table(references_table(certificate)));
     }
+    for record in &found.records {
+        page = page.with(PageSection::new(record.title.clone()).table(quantities(record)));
+    }
     if !found.rest.is_empty() {
         let rests: Vec<_> = found.rest.iter().collect();
         page = page.with(at_rest(&rests).into_iter().fold(PageSection::new("At rest"), PageSection::table));
@@ -436,6 +463,9 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
         for line in &result.not_observed {
             valid = valid.notice(NoticeSeverity::Note, format!("Not observed: {line}"));
         }
+    }
+    for line in found.records.iter().flat_map(|record| &record.not_observed) {
+        valid = valid.notice(NoticeSeverity::Note, format!("Not observed: {line}"));
     }
     for finding in &found.findings {
         valid = valid.notice(NoticeSeverity::Note, finding.clone());

@@ -100,6 +100,29 @@ pub enum CalibrationError {
          nothing of its uncertainty: leave `[monte_carlo]` out, or take records with more motion"
     )]
     Trials,
+    /// A record of positions has too few of them.
+    #[error(
+        "{place}: found {found} positions in which the unit is still for {shortest_s} s or longer; expected at least {expected}, in directions that \
+         differ: rest longer in each, or state a shorter time as `positions.shortest`"
+    )]
+    Positions {
+        /// The file.
+        place: String,
+        /// How many.
+        found: usize,
+        /// How many it takes.
+        expected: usize,
+        /// The shortest position in s.
+        shortest_s: f64,
+    },
+    /// The equations of a record of positions cannot be solved.
+    #[error("{place}: the positions give no solution: {fault}; rest in directions that differ more")]
+    PositionFit {
+        /// The file.
+        place: String,
+        /// What is wrong.
+        fault: FitError,
+    },
     /// The record at rest is too short.
     #[error("{place}: found {samples} samples with a number; expected at least 64 without motion")]
     Rest {

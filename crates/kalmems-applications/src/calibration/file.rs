@@ -1,13 +1,14 @@
 //! The calibration file of a gyroscope: its records, the motions that they are compared with, and a record at rest.
 
 use super::inputs::OF_REPRODUCIBILITY;
+use super::unit_record::RecordOfUnit;
 use crate::ApplicationFile;
 use crate::config::FileColumns;
 use crate::config::FileFormat;
 use crate::config::Quantity;
 use crate::config::Source;
 use crate::config::Vibrometer;
-use crate::config::kinds::{Angle, AngularRate, Frequency, Ratio, Temperature};
+use crate::config::kinds::{Acceleration, Angle, AngularRate, Frequency, Ratio, Temperature, Time};
 use crate::config::{Channels, Clock, ColumnChoice, ConfigError, ConfigFault, Key, Name, Segments};
 use crate::config::{NotNegative, Positive};
 use crate::metrology::{StandardUncertainty, StatedCorrelations};
@@ -25,7 +26,7 @@ const RECORD: &str = "{record}";
 /// Two are equal if they say the same, whatever file they came from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(extend("anyOf" = [{ "required": ["condition"] }, { "required": ["rest"] }]))]
+#[schemars(extend("anyOf" = [{ "required": ["condition"] }, { "required": ["rest"] }, { "required": ["positions"] }]))]
 pub struct GyroscopeCalibration {
     /// A name; results go to a folder of this name unless another is given.
     pub name: Name,
@@ -40,6 +41,9 @@ pub struct GyroscopeCalibration {
     /// A record without motion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rest: Option<RestRecord>,
+    /// A record of several positions with motions between them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub positions: Option<PositionsRecord>,
     /// What a certificate states and no record tells.
     #[serde(default, skip_serializing_if = "CertificateDetails::is_empty")]
     pub certificate: CertificateDetails,
@@ -130,9 +134,10 @@ pub struct InertialUnit {
     /// against it where it is stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock_tolerance: Option<Quantity<Ratio, NotNegative>>,
-    /// Its columns by axis, such as `{ y = "gyro_rad_per_s" }`; the axes are those of the references.
-    pub channels: Channels,
-    /// The columns of the accelerometers by axis, in the same file, for the centre of rotation.
+    /// Its columns by axis, such as `{ y = "gyro_rad_per_s" }`; the axes are those of the references. A unit of accelerometers alone has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub channels: Option<Channels>,
+    /// The columns of the accelerometers by axis, in the same file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub accelerometers: Option<Channels>,
     /// The largest rate that it can show; what is as large is clipped. Otherwise clipping is seen where a value repeats.
@@ -257,9 +262,42 @@ pub struct RestRecord {
     /// its `clock_tolerance`, where that is stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock: Option<Clock>,
-    /// Its columns by axis; those of the gyroscope if left out.
+    /// Its columns by axis. If these and those of the accelerometers are left out, they are those of the gyroscope.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub channels: Option<Channels>,
+    /// The columns of the accelerometers by axis, whose noise is wanted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accelerometers: Option<Channels>,
+}
+
+/// A record in which the unit rests in many positions one after the other, turned by hand between them. The columns are those of the unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PositionsRecord {
+    /// Its file.
+    #[schemars(example = &"positions.csv")]
+    pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// Where the file holds several records: the column that tells them apart. No motion is taken from one to the next.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Segments>,
+    /// When its samples were taken; by the nominal rate if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock: Option<Clock>,
+    /// The magnitude of gravity at the place, such as `"9.81235 m/s^2"`: the reference of the accelerometers' scale factors.
+    pub gravity: Quantity<Acceleration, Positive>,
+    /// How well it is known. It is not in the interval if left out, and the certificate says so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gravity_uncertainty: Option<StandardUncertainty<Acceleration>>,
+    /// The latitude, positive in the north: the vertical part of the Earth's rotation is then taken off the gyroscopes' sensitivity to the
+    /// specific force, from which it cannot be told otherwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub latitude: Option<Quantity<Angle>>,
+    /// How long a position lasts at least; `"1 s"` if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shortest: Option<Quantity<Time, Positive>>,
 }
 
 /// The axes that a channel can be of.
@@ -275,7 +313,15 @@ impl ApplicationFile for GyroscopeCalibration {
     fn check(&self) -> Result<(), ConfigError> {
         let refuse = |key: Key, why: String| Err(self.error(key, ConfigFault::Value { why }));
         let unit = Key::from("gyroscope");
-        self.check_axes(&unit.clone().child("channels"), &self.gyroscope.channels)?;
+        match (&self.gyroscope.channels, self.conditions.is_empty()) {
+            (Some(channels), _) => self.check_axes(&unit.clone().child("channels"), channels)?,
+            (None, true) if self.gyroscope.accelerometers.is_some() => {}
+            (None, _) => {
+                let why = "found no columns; expected those of the gyroscopes by axis, such as `channels = { z = \"gyro_z_rad_per_s\" }`; only a \
+                           unit of accelerometers that is not shaken has none";
+                return refuse(unit.child("channels"), why.to_owned());
+            }
+        }
         if let Some(channels) = &self.gyroscope.accelerometers {
             self.check_axes(&unit.clone().child("accelerometers"), channels)?;
         }
@@ -283,18 +329,34 @@ impl ApplicationFile for GyroscopeCalibration {
             let why = "records under vibration need how far the gyroscope's clock may be off; expected such as `clock_tolerance = \"1 %\"`";
             return refuse(unit.child("clock_tolerance"), why.to_owned());
         }
-        if self.conditions.is_empty() && self.rest.is_none() {
-            let why = "found neither records under vibration nor one at rest; expected `[[condition]]`, or `[rest]`";
+        if self.conditions.is_empty() && self.rest.is_none() && self.positions.is_none() {
+            let why = "found neither records under vibration, nor at rest, nor of positions; expected `[[condition]]`, `[rest]` or `[positions]`";
             return refuse(Key::default(), why.to_owned());
         }
         let both = FileColumns { columns: self.gyroscope.columns(), ..FileColumns::default() };
         self.check_columns(&Key::from("gyroscope"), &both)?;
         if let Some(rest) = &self.rest {
-            if let Some(channels) = &rest.channels {
-                self.check_axes(&Key::from("rest").child("channels"), channels)?;
+            let key = Key::from("rest");
+            for (name, channels) in [("channels", &rest.channels), ("accelerometers", &rest.accelerometers)] {
+                if let Some(channels) = channels {
+                    self.check_axes(&key.clone().child(name), channels)?;
+                }
             }
-            let clock = rest.clock.clone().unwrap_or_else(|| self.gyroscope.clock());
-            self.check_columns(&Key::from("rest"), &rest.in_file(&self.gyroscope, &clock))?;
+            self.check_record(&key, &rest.of_unit(&self.gyroscope))?;
+        }
+        if let Some(positions) = &self.positions {
+            let key = Key::from("positions");
+            let complete = |channels: &Channels| AXES.iter().all(|axis| channels.column(axis).is_some());
+            if !self.gyroscope.accelerometers.as_ref().is_some_and(complete) {
+                let why = "positions calibrate three accelerometers; expected their columns such as `accelerometers = { x = \"acc_x_gn\", y = \
+                           \"acc_y_gn\", z = \"acc_z_gn\" }`";
+                return refuse(unit.child("accelerometers"), why.to_owned());
+            }
+            if self.gyroscope.channels.as_ref().is_some_and(|channels| !complete(channels)) {
+                let why = "positions calibrate three gyroscopes or none; expected the columns of `x`, `y` and `z`, or no `channels`";
+                return refuse(unit.child("channels"), why.to_owned());
+            }
+            self.check_record(&key, &positions.of_unit(&self.gyroscope))?;
         }
         if let Some(MonteCarlo { trials, .. }) = self.monte_carlo
             && !(20_000..=10_000_000).contains(&trials)
@@ -346,6 +408,11 @@ impl GyroscopeCalibration {
         file.check().map_err(|(_, why)| self.error(key.clone(), ConfigFault::Value { why }))
     }
 
+    fn check_record(&self, key: &Key, record: &RecordOfUnit) -> Result<(), ConfigError> {
+        let clock = record.clock.cloned().unwrap_or_else(|| self.gyroscope.clock());
+        self.check_columns(key, &record.in_file(&clock))
+    }
+
     fn check_axes(&self, key: &Key, channels: &Channels) -> Result<(), ConfigError> {
         match channels.iter().find(|(axis, _)| !AXES.contains(axis)) {
             Some((axis, _)) => {
@@ -389,9 +456,7 @@ pub(super) fn is_per_record(file: &Path) -> bool {
 impl InertialUnit {
     /// The columns of a file of it.
     fn columns(&self) -> Vec<(&str, &ColumnChoice, Option<&'static str>)> {
-        let mut columns = self.channels.in_file();
-        columns.extend(self.accelerometers.iter().flat_map(Channels::in_file));
-        columns
+        [&self.channels, &self.accelerometers].into_iter().flatten().flat_map(Channels::in_file).collect()
     }
 
     /// Its clock, by its nominal rate.
@@ -423,20 +488,41 @@ impl MotionReference {
 }
 
 impl RestRecord {
-    /// Its columns by axis.
-    pub fn channels<'a>(&'a self, unit: &'a InertialUnit) -> &'a Channels {
-        self.channels.as_ref().unwrap_or(&unit.channels)
+    /// The record with its columns.
+    pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
+        let is_stated = self.channels.is_some() || self.accelerometers.is_some();
+        // A unit without gyroscopes has accelerometers.
+        let of_unit = if unit.channels.is_some() {
+            [unit.channels.as_ref(), None]
+        } else {
+            [None, unit.accelerometers.as_ref()]
+        };
+        let [channels, accelerometers] =
+            if is_stated { [self.channels.as_ref(), self.accelerometers.as_ref()] } else { of_unit };
+        RecordOfUnit {
+            file: &self.file,
+            format: self.format.as_ref(),
+            segments: self.segments.as_ref(),
+            clock: self.clock.as_ref(),
+            channels,
+            accelerometers,
+            further: None,
+        }
     }
+}
 
-    /// How to read its file.
-    pub fn layout(&self, unit: &InertialUnit) -> RecordingLayout {
-        let clock = self.clock.clone().unwrap_or_else(|| unit.clock());
-        self.in_file(unit, &clock).layout(None)
-    }
-
-    fn in_file<'a>(&'a self, unit: &'a InertialUnit, clock: &'a Clock) -> FileColumns<'a> {
-        FileColumns::new(self.format.as_ref(), clock, self.channels(unit).in_file())
-            .divided_by(self.segments.as_ref())
+impl PositionsRecord {
+    /// The record with its columns.
+    pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
+        RecordOfUnit {
+            file: &self.file,
+            format: self.format.as_ref(),
+            segments: self.segments.as_ref(),
+            clock: self.clock.as_ref(),
+            channels: unit.channels.as_ref(),
+            accelerometers: unit.accelerometers.as_ref(),
+            further: None,
+        }
     }
 }
 

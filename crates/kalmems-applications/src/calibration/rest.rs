@@ -13,9 +13,66 @@ const PIECES: usize = 8;
 /// A difference between the halves of a record that is no drift reaches so many standard deviations in one of 10⁴ records.
 const DRIFT: f64 = 3.9;
 
+/// What a channel of the unit measures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sensor {
+    /// An angular rate in rad/s.
+    #[default]
+    Gyroscope,
+    /// A specific force in m/s².
+    Accelerometer,
+}
+
+/// A noise of a sensor as a table has it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoiseTerm {
+    /// Its name (IEEE Std 952 and 1293).
+    pub name: &'static str,
+    /// The value in SI; none where its interval begins at 0.
+    pub value: Option<f64>,
+    /// The interval that holds it 95 times in 100, in SI.
+    pub interval: Option<[f64; 2]>,
+    /// The unit in SI.
+    pub unit: &'static str,
+    /// What the value is multiplied by in tables, and the unit of the product.
+    pub shown: (f64, &'static str),
+}
+
+/// Standard gravity in m/s².
+pub(super) const STANDARD_GRAVITY: f64 = 9.806_65;
+
+impl Sensor {
+    /// The unit of its values.
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Gyroscope => "rad/s",
+            Self::Accelerometer => "m/s^2",
+        }
+    }
+
+    /// The factor and the unit in which its deviations are shown.
+    pub fn shown(self) -> (f64, &'static str) {
+        match self {
+            Self::Gyroscope => (3600.0_f64.to_degrees(), "deg/h"),
+            Self::Accelerometer => (1e6 / STANDARD_GRAVITY, "ugn"),
+        }
+    }
+
+    /// The name of an axis in tables.
+    pub fn axis(self, axis: &str) -> String {
+        match self {
+            Self::Gyroscope => axis.to_owned(),
+            Self::Accelerometer => format!("accelerometer {axis}"),
+        }
+    }
+}
+
 /// What one axis does at rest.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AxisAtRest {
+    /// What the channel measures. The units below are those of a gyroscope: of an accelerometer they are m/s² for rad/s, and m/s for rad.
+    pub sensor: Sensor,
     /// `x`, `y` or `z`.
     pub axis: &'static str,
     /// How many samples.
@@ -153,6 +210,7 @@ impl AxisAtRest {
             times.min_by(|a, b| fit.deviation(*a).total_cmp(&fit.deviation(*b)))
         });
         Some(Self {
+            sensor: Sensor::default(),
             axis,
             samples,
             duration_s,
@@ -175,6 +233,37 @@ impl AxisAtRest {
             quantisation_interval: fit.map(|fit| fit.quantisation.1),
             noise_fit: fit,
             not_fitted,
+        })
+    }
+
+    /// The noises of the fit with the names and units that the sensor's standard has for them.
+    pub fn noise_terms(&self) -> [NoiseTerm; 4] {
+        let instability = self.bias_instability.map(|[size, _]| size);
+        let sizes = [
+            (self.angle_random_walk, self.angle_random_walk_interval),
+            (instability, self.bias_instability_interval),
+            (self.rate_random_walk, self.rate_random_walk_interval),
+            (self.quantisation, self.quantisation_interval),
+        ];
+        let (shown, shown_unit) = self.sensor.shown();
+        let degrees = 1.0_f64.to_degrees();
+        let named = match self.sensor {
+            Sensor::Gyroscope => [
+                ("angle random walk", "rad/s^(1/2)", (60.0 * degrees, "deg/√h")),
+                ("bias instability", "rad/s", (shown, shown_unit)),
+                ("rate random walk", "rad/s^(3/2)", (60.0 * shown, "deg/h/√h")),
+                ("angle quantisation", "rad", (3600.0 * degrees, "arcsec")),
+            ],
+            Sensor::Accelerometer => [
+                ("velocity random walk", "m/s^(3/2)", (60.0, "m/s/√h")),
+                ("bias instability", "m/s^2", (shown, shown_unit)),
+                ("acceleration random walk", "m/s^(5/2)", (60.0 * shown, "ugn/√h")),
+                ("velocity quantisation", "m/s", (1e3, "mm/s")),
+            ],
+        };
+        std::array::from_fn(|place| {
+            let ((name, unit, shown), (value, interval)) = (named[place], sizes[place]);
+            NoiseTerm { name, value, interval, unit, shown }
         })
     }
 

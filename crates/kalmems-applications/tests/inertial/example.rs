@@ -1,0 +1,71 @@
+//! The example, made by a Python program that shares no code with the crate, against its truth and its own solution.
+
+use kalmems_applications::ApplicationFile;
+use kalmems_applications::calibration::{
+    Calibration, CalibrationSummary, Certificate, GyroscopeCalibration, Sensor, calibrate,
+};
+use kalmems_engines::progress::Silent;
+use serde_json::Value;
+use std::path::Path;
+
+fn folder(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
+}
+
+fn independent() -> Value {
+    serde_json::from_str(&std::fs::read_to_string(folder("tests/independent/inertial_unit.json")).unwrap())
+        .unwrap()
+}
+
+fn calibrated() -> Calibration {
+    let file = GyroscopeCalibration::load(&folder("../../examples/inertial_unit/unit.toml")).unwrap();
+    calibrate(&file, &Silent).unwrap()
+}
+
+fn numbers(of: &Value) -> Vec<(String, f64)> {
+    of.as_object().unwrap().iter().map(|(name, value)| (name.clone(), value.as_f64().unwrap())).collect()
+}
+
+/// Quaternions and the costs of the paper against a weighted fit of directions: within the uncertainty of the records, of which 15 intervals of 95 %
+/// hold at least 12 (11 or fewer come once in 180 times).
+#[test]
+fn positions_agree_with_an_independent_solution_and_with_the_truth() {
+    let (found, independent) = (calibrated(), independent());
+    let record = found.records.iter().find(|record| record.kind == "positions").unwrap();
+    for (name, theirs) in numbers(&independent["positions"]["solved"]) {
+        let ours = record.estimate(&name).unwrap();
+        let apart = (ours.value - theirs).abs() / ours.expanded_by_records;
+        assert!(apart < 0.6, "{name}: {} {theirs}, {apart:.2} of U", ours.value);
+    }
+    let truth = numbers(&independent["positions"]["put_in"]);
+    let held = truth.iter().filter(|(name, value)| {
+        let [low, high] = record.estimate(name).unwrap().interval;
+        low <= *value && *value <= high
+    });
+    assert!(held.count() >= 12, "{truth:?}");
+}
+
+#[test]
+fn an_accelerometer_at_rest_has_its_own_noises_and_no_certified_bias() {
+    let (found, independent) = (calibrated(), independent());
+    let mut seen = 0;
+    for rest in &found.rest {
+        for term in rest.noise_terms() {
+            let Some(put_in) = independent["rest"][term.name].as_f64() else { continue };
+            let [low, high] = term.interval.unwrap();
+            assert!(low <= put_in && put_in <= high, "{}: {put_in} {low} {high}", term.name);
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, 3);
+    let certificate = Certificate::of(&found);
+    let axes: Vec<&str> = certificate.bias.iter().map(|bias| bias.axis).collect();
+    assert_eq!(axes, ["z"]);
+    assert!(found.rest.iter().any(|rest| rest.sensor == Sensor::Accelerometer));
+    let text = CalibrationSummary::of(&found).to_text();
+    for part in
+        ["velocity random walk", "m/s/√h", "acceleration random walk", "ugn", "angle random walk", "deg/√h"]
+    {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+}

@@ -1,0 +1,5 @@
+//! Records of a whole unit, gyroscopes and accelerometers, against simulations that share no code with the crate.
+
+mod example;
+mod positions;
+mod simulated;
