@@ -15,6 +15,7 @@ use super::outcome::{
 use super::peaks::{HALF_WINDOW, PeakToPeak};
 use super::positions_record;
 use super::quantities::RecordOutcome;
+use super::rates_record;
 use super::rest::{AxisAtRest, Sensor};
 use super::rest_record::{self, MeasuredRest};
 use super::tone::{AXES, VibrationTone};
@@ -65,7 +66,8 @@ pub fn calibrate(
         }
     }
     let MeasuredRest { axes: rest, motions, remarks } = rest_record::measure(&mut files)?;
-    let records: Vec<RecordOutcome> = positions_record::measure(&mut files)?.into_iter().collect();
+    let mut records: Vec<RecordOutcome> = positions_record::measure(&mut files)?.into_iter().collect();
+    records.extend(rates_record::measure(&mut files)?);
     let NamedFiles { sources, findings, .. } = files.named;
     let findings = findings.into_iter().map(|(file, finding)| format!("{file}: {finding}"));
     let comparisons = compared_references(&results);

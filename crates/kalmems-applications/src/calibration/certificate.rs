@@ -207,7 +207,7 @@ impl<'a> Certificate<'a> {
 fn certified_quantity(quantity: &CalibratedQuantity) -> CertifiedQuantity<'_> {
     CertifiedQuantity {
         name: &quantity.name,
-        unit: quantity.unit,
+        unit: quantity.unit.unit,
         value: CertifiedValue::of(&quantity.estimate),
     }
 }

@@ -115,13 +115,32 @@ pub enum CalibrationError {
         /// The shortest position in s.
         shortest_s: f64,
     },
-    /// The equations of a record of positions cannot be solved.
-    #[error("{place}: the positions give no solution: {fault}; rest in directions that differ more")]
-    PositionFit {
+    /// The equations of a record cannot be solved.
+    #[error("{place}: the record gives no solution: {fault}; take one with rests or rates that differ more")]
+    RecordFit {
         /// The file.
         place: String,
         /// What is wrong.
         fault: FitError,
+    },
+    /// A record on a rate table has too few steps.
+    #[error(
+        "{place}: found {found} parts of {shortest_s} s or longer in which the table turns at a constant rate, with {rates} different rates; expected at \
+         least {expected} with {expected_rates} rates of both signs: hold each rate longer, or state a shorter time as `shortest`"
+    )]
+    Steps {
+        /// The file.
+        place: String,
+        /// How many.
+        found: usize,
+        /// Rates that differ.
+        rates: usize,
+        /// How many it takes.
+        expected: usize,
+        /// Rates that it takes.
+        expected_rates: usize,
+        /// The shortest step in s.
+        shortest_s: f64,
     },
     /// The record at rest is too short.
     #[error("{place}: found {samples} samples with a number; expected at least 64 without motion")]

@@ -13,6 +13,7 @@ use crate::config::{Channels, Clock, ColumnChoice, ConfigError, ConfigFault, Key
 use crate::config::{NotNegative, Positive};
 use crate::metrology::{StandardUncertainty, StatedCorrelations};
 use crate::recording::RecordingLayout;
+use crate::units::kind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -26,7 +27,7 @@ const RECORD: &str = "{record}";
 /// Two are equal if they say the same, whatever file they came from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(extend("anyOf" = [{ "required": ["condition"] }, { "required": ["rest"] }, { "required": ["positions"] }]))]
+#[schemars(extend("anyOf" = [{ "required": ["condition"] }, { "required": ["rest"] }, { "required": ["positions"] }, { "required": ["rates"] }]))]
 pub struct GyroscopeCalibration {
     /// A name; results go to a folder of this name unless another is given.
     pub name: Name,
@@ -44,6 +45,9 @@ pub struct GyroscopeCalibration {
     /// A record of several positions with motions between them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub positions: Option<PositionsRecord>,
+    /// Records on a rate table that turns at one rate after the other.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rates: Vec<RatesRecord>,
     /// What a certificate states and no record tells.
     #[serde(default, skip_serializing_if = "CertificateDetails::is_empty")]
     pub certificate: CertificateDetails,
@@ -300,6 +304,71 @@ pub struct PositionsRecord {
     pub shortest: Option<Quantity<Time, Positive>>,
 }
 
+/// A record on a rate table that turns about one axis of the unit at one constant rate after the other. The columns are those of the unit's gyroscopes
+/// and, in the same file, the rate of the table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RatesRecord {
+    /// A name, unique among these records, such as `z_room`.
+    pub name: Name,
+    /// Its file.
+    #[schemars(example = &"rates.csv")]
+    pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// Where the file holds several records: the column that tells them apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Segments>,
+    /// When its samples were taken; by the nominal rate if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock: Option<Clock>,
+    /// The axis of the unit that lies along that of the table: `x`, `y` or `z`. The other gyroscopes show their cross-axis sensitivity.
+    pub axis: TableAxis,
+    /// The column with the rate of the table, as its encoder or its controller gives it.
+    #[schemars(example = &"table_dps")]
+    pub table: ColumnChoice,
+    /// The relative standard uncertainty of that rate. It is not in the interval if left out, and the certificate says so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub table_uncertainty: Option<StandardUncertainty<Ratio>>,
+    /// By what angle the unit's axis may be off that of the table: in full in the cross-axis sensitivities, in second order in the scale factor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alignment: Option<StandardUncertainty<Angle>>,
+    /// The latitude, positive in the north, of a table with a vertical axis and the unit's axis upwards: the vertical part of the Earth's rotation is then
+    /// added to the rate of the table. Otherwise the bias has it, and its interval allows for it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub latitude: Option<Quantity<Angle>>,
+    /// The temperature of the unit. Records of one axis at several temperatures give the scale factor and the bias over the temperature.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<Quantity<Temperature, Positive>>,
+    /// How long the table turns at one rate at least; `"1 s"` if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shortest: Option<Quantity<Time, Positive>>,
+}
+
+/// An axis of the unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TableAxis {
+    /// The first one.
+    X,
+    /// The second one.
+    Y,
+    /// The third one.
+    Z,
+}
+
+impl TableAxis {
+    /// 0 for x.
+    pub const fn index(self) -> usize {
+        match self {
+            Self::X => 0,
+            Self::Y => 1,
+            Self::Z => 2,
+        }
+    }
+}
+
 /// The axes that a channel can be of.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -329,8 +398,12 @@ impl ApplicationFile for GyroscopeCalibration {
             let why = "records under vibration need how far the gyroscope's clock may be off; expected such as `clock_tolerance = \"1 %\"`";
             return refuse(unit.child("clock_tolerance"), why.to_owned());
         }
-        if self.conditions.is_empty() && self.rest.is_none() && self.positions.is_none() {
-            let why = "found neither records under vibration, nor at rest, nor of positions; expected `[[condition]]`, `[rest]` or `[positions]`";
+        if self.conditions.is_empty()
+            && self.rest.is_none()
+            && self.positions.is_none()
+            && self.rates.is_empty()
+        {
+            let why = "found no record; expected `[[condition]]` of records under vibration, `[rest]`, `[positions]` or `[[rates]]`";
             return refuse(Key::default(), why.to_owned());
         }
         let both = FileColumns { columns: self.gyroscope.columns(), ..FileColumns::default() };
@@ -358,6 +431,21 @@ impl ApplicationFile for GyroscopeCalibration {
             }
             self.check_record(&key, &positions.of_unit(&self.gyroscope))?;
         }
+        let mut rates = BTreeMap::new();
+        for (index, record) in self.rates.iter().enumerate() {
+            let key = Key::from("rates").index(index);
+            if let Some(first) = rates.insert(&record.name, key.clone()) {
+                return Err(self.duplicate(key, &record.name, &first));
+            }
+            let axis = AXES[record.axis.index()];
+            if self.gyroscope.channels.as_ref().is_none_or(|channels| channels.column(axis).is_none()) {
+                let why = format!(
+                    "the unit has no gyroscope of this axis; expected its column as `channels.{axis}`"
+                );
+                return refuse(key.child("axis"), why);
+            }
+            self.check_record(&key, &record.of_unit(&self.gyroscope))?;
+        }
         if let Some(MonteCarlo { trials, .. }) = self.monte_carlo
             && !(20_000..=10_000_000).contains(&trials)
         {
@@ -368,9 +456,7 @@ impl ApplicationFile for GyroscopeCalibration {
         for (index, condition) in self.conditions.iter().enumerate() {
             let key = Key::from("condition").index(index);
             if let Some(first) = conditions.insert(&condition.name, key.clone()) {
-                let fault =
-                    ConfigFault::DuplicateName { name: condition.name.to_string(), first: first.to_string() };
-                return Err(self.error(key.child("name"), fault));
+                return Err(self.duplicate(key, &condition.name, &first));
             }
             if is_per_record(&condition.file) && condition.records.is_none() {
                 let why =
@@ -390,11 +476,7 @@ impl ApplicationFile for GyroscopeCalibration {
                     return refuse(key.child("uncertainty").child("correlation"), why);
                 }
                 if let Some(first) = names.insert(&reference.name, key.clone()) {
-                    let fault = ConfigFault::DuplicateName {
-                        name: reference.name.to_string(),
-                        first: first.to_string(),
-                    };
-                    return Err(self.error(key.child("name"), fault));
+                    return Err(self.duplicate(key, &reference.name, &first));
                 }
             }
         }
@@ -406,6 +488,12 @@ impl GyroscopeCalibration {
     /// Refuses a column that is read in two ways.
     fn check_columns(&self, key: &Key, file: &FileColumns) -> Result<(), ConfigError> {
         file.check().map_err(|(_, why)| self.error(key.clone(), ConfigFault::Value { why }))
+    }
+
+    /// A name at this key that stands at an earlier one already.
+    fn duplicate(&self, key: Key, name: &Name, first: &Key) -> ConfigError {
+        let fault = ConfigFault::DuplicateName { name: name.to_string(), first: first.to_string() };
+        self.error(key.child("name"), fault)
     }
 
     fn check_record(&self, key: &Key, record: &RecordOfUnit) -> Result<(), ConfigError> {
@@ -522,6 +610,21 @@ impl PositionsRecord {
             channels: unit.channels.as_ref(),
             accelerometers: unit.accelerometers.as_ref(),
             further: None,
+        }
+    }
+}
+
+impl RatesRecord {
+    /// The record with its columns.
+    pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
+        RecordOfUnit {
+            file: &self.file,
+            format: self.format.as_ref(),
+            segments: self.segments.as_ref(),
+            clock: self.clock.as_ref(),
+            channels: unit.channels.as_ref(),
+            accelerometers: None,
+            further: Some(("table", &self.table, &kind::ANGULAR_RATE)),
         }
     }
 }

@@ -15,6 +15,7 @@ mod error;
 mod file;
 mod files;
 mod inputs;
+mod linear_model;
 mod matrix;
 mod motion;
 mod noise_fit;
@@ -27,6 +28,7 @@ mod peaks;
 mod positions;
 mod positions_record;
 mod quantities;
+mod rates_record;
 mod rest;
 mod rest_record;
 #[cfg(feature = "report")]
@@ -45,7 +47,7 @@ pub use comparison::ReferenceComparison;
 pub use error::CalibrationError;
 pub use file::{
     CertificateDetails, Condition, GyroscopeCalibration, InertialUnit, MonteCarlo, MotionReference,
-    PositionsRecord, RestRecord, StatedUncertainty,
+    PositionsRecord, RatesRecord, RestRecord, StatedUncertainty, TableAxis,
 };
 pub use matrix::{CalibrationMatrix, LeaveOneOut, RatePair, Repeatability};
 pub use noise_fit::{NoFit, NoiseFit};
@@ -56,7 +58,7 @@ pub use outcome::{
     ScaleFactorChange, UncertainEstimate, UncertaintyContribution,
 };
 pub use peaks::{HALF_WINDOW, PeakToPeak};
-pub use quantities::{CalibratedQuantity, CertificateCheck, RecordOutcome};
+pub use quantities::{CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome};
 pub use rest::{AxisAtRest, BiasMethod, NoiseTerm, Sensor};
 #[cfg(feature = "report")]
 pub use results::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};

@@ -5,6 +5,7 @@
 //! turns the direction of gravity by what the gyroscopes show; their matrix is the one that turns each direction into the next. The
 //! residuals' own scatter is the standard deviation in both fits (type A).
 
+use super::linear_model::{LinearModel, standing_out};
 use crate::fit::{ByDual, Fit, FitError, FitSettings, Regression, ResidualLaw, fit};
 use kalmems_core::{Covariance, Dual, Lu, Mat, Over, Scalar};
 use kalmems_models::inertial::Alignment;
@@ -336,55 +337,20 @@ pub(super) fn gravity_residuals(positions: &[Position], found: &Fit<9>, gravity:
     positions.iter().map(|position| norm(force(&found.parameters, position.force)) - gravity).collect()
 }
 
-/// The residual of each position by the standard deviation that the other positions have about a fit without it: Student's t with one degree of
-/// freedom fewer than the fit has (externally studentised residuals).
-pub(super) fn studentised_residuals(positions: &[Position], found: &Fit<9>, gravity: f64) -> Vec<f64> {
+/// The places of positions whose residual is not of the scatter of the others, with its size by that scatter.
+pub(super) fn positions_standing_out(
+    positions: &[Position],
+    found: &Fit<9>,
+    gravity: f64,
+) -> Vec<(usize, f64)> {
     let forces: Vec<[f64; 3]> = positions.iter().map(|position| position.force).collect();
-    let freedom = found.degrees_of_freedom as f64;
-    let variance = found.sum_of_squares / freedom.max(1.0);
-    let mut each = Vec::with_capacity(forces.len());
-    ByDual(GravityResiduals { forces: &forces, gravity }).linearize(
-        &found.parameters,
-        &mut |residual, row| {
-            let along: f64 = (0..9)
-                .map(|i| row[i] * (0..9).map(|j| found.covariance.get(i, j) * row[j]).sum::<f64>())
-                .sum();
-            // What the position leaves of its own residual.
-            let left = (1.0 - along / variance).max(f64::EPSILON);
-            let others =
-                (found.sum_of_squares - residual * residual / left).max(0.0) / (freedom - 1.0).max(1.0);
-            each.push(residual / (others * left).sqrt().max(f64::MIN_POSITIVE));
-        },
-    );
-    each
+    standing_out(&ByDual(GravityResiduals { forces: &forces, gravity }), found)
 }
 
 /// Scale factors, non-orthogonality and mounting of a matrix, in the order of the axes.
 pub(super) fn alignment_numbers(matrix: [[Dual9; 3]; 3]) -> [[Dual9; 3]; 3] {
     let alignment = Alignment::of(&matrix);
     [alignment.scale, alignment.non_orthogonality, alignment.mounting]
-}
-
-/// A mean rate at rest as a bias and what each component of the specific force adds to it.
-struct ForceSensitivity<'a> {
-    rates: &'a [f64],
-    forces: &'a [[f64; 3]],
-}
-
-impl Regression<4> for ForceSensitivity<'_> {
-    fn residuals(&self, [bias, x, y, z]: &[f64; 4], each: &mut impl FnMut(f64)) {
-        for (rate, force) in self.rates.iter().zip(self.forces) {
-            each(bias + dot([*x, *y, *z], *force) - rate);
-        }
-    }
-
-    fn linearize(&self, parameters: &[f64; 4], each: &mut impl FnMut(f64, &[f64; 4])) {
-        let mut forces = self.forces.iter();
-        self.residuals(parameters, &mut |residual| {
-            let [x, y, z] = forces.next().copied().unwrap_or_default();
-            each(residual, &[1.0, x, y, z]);
-        });
-    }
 }
 
 /// Bias in rad/s and sensitivity to the specific force in rad/s per m/s² of each gyroscope, from the means at rest. `vertical_rad_per_s` is
@@ -396,13 +362,14 @@ pub(super) fn force_sensitivity(
 ) -> Result<[Fit<4>; 3], FitError> {
     let forces: Vec<[f64; 3]> =
         positions.iter().map(|position| force(&accelerometers.parameters, position.force)).collect();
+    let terms: Vec<[f64; 4]> = forces.iter().map(|[x, y, z]| [1.0, *x, *y, *z]).collect();
     let of = |axis: usize| {
-        let rates: Vec<f64> = positions
+        let values: Vec<f64> = positions
             .iter()
             .zip(&forces)
             .map(|(position, force)| position.rate[axis] - vertical_rad_per_s * force[axis] / norm(*force))
             .collect();
-        fit(&ForceSensitivity { rates: &rates, forces: &forces }, &FitSettings::from_start([0.0; 4]))
+        LinearModel { terms: &terms, values: &values }.fit([true; 4])
     };
     Ok([of(0)?, of(1)?, of(2)?])
 }

@@ -5,32 +5,27 @@ use super::files::InputFiles;
 use super::positions::{
     Dual9, FEWEST_MOTIONS, FEWEST_POSITIONS, GyroscopeFit, MotionBetween, Position, accelerometer_matrix,
     alignment_numbers, fit_accelerometers, fit_gyroscopes, force, force_sensitivity, gravity_residuals,
-    gyroscope_matrix, next_position, studentised_residuals,
+    gyroscope_matrix, next_position, positions_standing_out,
 };
-use super::quantities::{CalibratedQuantity, CertificateCheck, RecordOutcome, contribution, estimate};
-use super::rest::STANDARD_GRAVITY;
+use super::quantities::{
+    CertificateCheck, EARTH_RATE, QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter, contribution,
+    stated_contribution,
+};
 use super::still::{StillChannel, still_parts};
 use super::tone::AXES;
 use super::unit_record::UnitSamples;
 use crate::calibration::file::PositionsRecord;
 use crate::config::{Key, Quantity};
 use crate::fit::{Fit, FitError};
-use crate::metrology::{Evaluation, Input, coverage_factor};
+use crate::metrology::Evaluation;
 use kalmems_core::Portable;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable, pairs};
 use std::ops::Range;
 
-/// The rate of the Earth's rotation in rad/s (WGS 84).
-const EARTH_RATE: f64 = 7.292_115e-5;
 /// The shortest position in s if nothing is stated.
 const SHORTEST_S: f64 = 1.0;
-/// Beyond this standard uncertainty a scale factor or an angle is not determined.
-const UNKNOWN: f64 = 0.1;
 /// A scale factor along the own axis below this part of the matrix's row is that of an axis that is exchanged or turned round.
 const OWN_AXIS: f64 = 0.5;
-/// A position stands out if in so many records of normal residuals one does.
-const FALSE_ALARMS: f64 = 1e-3;
-
 /// The pairs of axes of the three angles between them.
 const PAIRS: [&str; 3] = ["xy", "xz", "yz"];
 
@@ -58,7 +53,7 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
             shortest_s,
         });
     }
-    let failed = |fault: FitError| CalibrationError::PositionFit { place: samples.place.clone(), fault };
+    let failed = |fault: FitError| CalibrationError::RecordFit { place: samples.place.clone(), fault };
     let gravity = record.gravity.si();
     let accelerometers = fit_accelerometers(&found.positions, gravity).map_err(failed)?;
     let has_gyroscopes = file.gyroscope.channels.is_some();
@@ -67,18 +62,10 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
     } else {
         None
     };
-    let mut outcome = RecordOutcome {
-        kind: "positions",
-        title: "Positions".to_owned(),
-        method: method(has_gyroscopes),
-        quantities: Vec::new(),
-        tables: vec![positions_table(&samples, &found, &accelerometers, gravity)],
-        figures: vec![figure(&samples, &found, &accelerometers, gravity)],
-        checks: Vec::new(),
-        not_observed: Vec::new(),
-        warnings: samples.remarks.clone(),
-        not_stated: Vec::new(),
-    };
+    let mut outcome = RecordOutcome::new("positions", "Positions", method(has_gyroscopes));
+    outcome.tables.push(positions_table(&samples, &found, &accelerometers, gravity));
+    outcome.figures.push(figure(&samples, &found, &accelerometers, gravity));
+    outcome.warnings.clone_from(&samples.remarks);
     if record.gravity_uncertainty.is_none() {
         outcome.not_stated.push("positions.gravity_uncertainty".to_owned());
     }
@@ -175,11 +162,6 @@ fn method(has_gyroscopes: bool) -> String {
     method + " The scatter of the residuals is the type A evaluation of both fits."
 }
 
-/// The inputs of a number by the records and, where it is a scale factor, by gravity.
-fn inputs(deviation: f64, freedom: usize) -> Vec<Input> {
-    vec![contribution("scatter of the residuals", deviation, freedom as f64, Evaluation::A)]
-}
-
 fn of_accelerometers(
     outcome: &mut RecordOutcome,
     record: &PositionsRecord,
@@ -191,28 +173,19 @@ fn of_accelerometers(
     for (kind, names) in [AXES, PAIRS].into_iter().enumerate() {
         for (place, name) in names.into_iter().enumerate() {
             let derived = number(&|p| alignment_numbers(accelerometer_matrix(p))[kind][place]);
-            let mut inputs = inputs(derived.deviation, found.degrees_of_freedom);
-            let (what, unit, shown) = if kind == 0 {
-                ("scale_factor", "1", (1.0, ""))
-            } else {
-                ("non_orthogonality", "rad", (1e3, "mrad"))
-            };
+            let mut inputs = by_scatter(derived.deviation, found.degrees_of_freedom);
+            let (what, unit) =
+                [("scale_factor", QuantityUnit::RATIO), ("non_orthogonality", QuantityUnit::ANGLE)][kind];
             if let Some(stated) = record.gravity_uncertainty.as_ref().filter(|_| kind == 0) {
-                let part = derived.value.abs() * stated.standard() / gravity;
-                inputs.push(Input {
-                    distribution: stated.distribution(),
-                    source: stated.source().unwrap_or_default().to_owned(),
-                    ..contribution("gravity", part, stated.degrees_of_freedom(), Evaluation::B)
-                });
+                inputs.push(stated_contribution("gravity", stated, derived.value / gravity));
             }
-            outcome.push_known(format!("accelerometer_{what}_{name}"), (unit, shown), derived.value, inputs);
+            outcome.push_known(format!("accelerometer_{what}_{name}"), unit, derived.value, inputs);
         }
     }
     for (axis, name) in AXES.into_iter().enumerate() {
         let bias = found.parameter(6 + axis);
-        let inputs = inputs(bias.deviation, found.degrees_of_freedom);
-        let shown = (1e3 / STANDARD_GRAVITY, "mgn");
-        outcome.push_known(format!("accelerometer_bias_{name}"), ("m/s^2", shown), bias.value, inputs);
+        let inputs = by_scatter(bias.deviation, found.degrees_of_freedom);
+        outcome.push_known(format!("accelerometer_bias_{name}"), QuantityUnit::FORCE, bias.value, inputs);
     }
     let improved = next_position(positions, found, gravity).filter(|next| next.remaining < 1.0);
     if let Some(next) = improved {
@@ -225,34 +198,6 @@ fn of_accelerometers(
     }
 }
 
-impl RecordOutcome {
-    /// Adds a number; one that the record does not determine is named instead.
-    fn push_known(
-        &mut self,
-        name: String,
-        (unit, shown): (&'static str, (f64, &'static str)),
-        value: f64,
-        budget: Vec<Input>,
-    ) {
-        let size = budget.first().map_or(f64::INFINITY, |input| input.standard_uncertainty);
-        // Biases are in units of gravity here, and rates have no such limit.
-        let limit = match unit {
-            "1" | "rad" => UNKNOWN,
-            "m/s^2" => UNKNOWN * STANDARD_GRAVITY,
-            _ => f64::MAX,
-        };
-        if !value.is_finite() || !(size <= limit) {
-            self.not_observed.push(format!(
-                "{}: the positions do not determine it (standard uncertainty {size:.1e} {unit}); add positions in other directions",
-                name.replace('_', " ")
-            ));
-            return;
-        }
-        let estimate = estimate(value, &budget);
-        self.quantities.push(CalibratedQuantity { name, unit, estimate, budget, shown });
-    }
-}
-
 fn judge_accelerometers(
     outcome: &mut RecordOutcome,
     samples: &UnitSamples,
@@ -261,20 +206,14 @@ fn judge_accelerometers(
     gravity: f64,
 ) {
     let residuals = gravity_residuals(&found.positions, fit, gravity);
-    let by_others = studentised_residuals(&found.positions, fit, gravity);
-    let limit = coverage_factor(
-        1.0 - FALSE_ALARMS / residuals.len().max(1) as f64,
-        fit.degrees_of_freedom.saturating_sub(1) as f64,
-    );
-    let standing_out: Vec<usize> =
-        (0..residuals.len()).filter(|place| by_others[*place].abs() > limit).collect();
-    for place in &standing_out {
+    let standing_out = positions_standing_out(&found.positions, fit, gravity);
+    for (place, size) in &standing_out {
         outcome.warnings.push(format!(
             "position {} at {:.2} s differs by {:+.2e} m/s² from gravity, {:.1} times what the others make likely: the unit may have moved in it",
             place + 1,
             samples.time_s(found.rows[*place].start),
             residuals[*place],
-            by_others[*place].abs()
+            size
         ));
     }
     outcome.checks.push(CertificateCheck {
@@ -320,15 +259,15 @@ fn of_gyroscopes(outcome: &mut RecordOutcome, found: &GyroscopeFit, freedom_of_a
         return;
     }
     let kinds = [
-        ("scale_factor", AXES, "1", (1.0, "")),
-        ("non_orthogonality", PAIRS, "rad", (1e3, "mrad")),
-        ("mounting", AXES, "rad", (1e3, "mrad")),
+        ("scale_factor", AXES, QuantityUnit::RATIO),
+        ("non_orthogonality", PAIRS, QuantityUnit::ANGLE),
+        ("mounting", AXES, QuantityUnit::ANGLE),
     ];
-    for (kind, (what, names, unit, shown)) in kinds.into_iter().enumerate() {
+    for (kind, (what, names, unit)) in kinds.into_iter().enumerate() {
         for (place, name) in names.into_iter().enumerate() {
             let (value, [by_motions, by_accelerometers]) =
                 found.derived(|p| alignment_numbers(gyroscope_matrix(p))[kind][place]);
-            let mut inputs = inputs(by_motions, found.fit.degrees_of_freedom);
+            let mut inputs = by_scatter(by_motions, found.fit.degrees_of_freedom);
             let freedom = freedom_of_accelerometers as f64;
             inputs.push(contribution(
                 "accelerometers' calibration",
@@ -336,21 +275,20 @@ fn of_gyroscopes(outcome: &mut RecordOutcome, found: &GyroscopeFit, freedom_of_a
                 freedom,
                 Evaluation::A,
             ));
-            outcome.push_known(format!("gyroscope_{what}_{name}"), (unit, shown), value, inputs);
+            outcome.push_known(format!("gyroscope_{what}_{name}"), unit, value, inputs);
         }
     }
 }
 
 /// Biases and sensitivities to the specific force.
 fn of_rest_means(outcome: &mut RecordOutcome, each: &[Fit<4>; 3], is_earth_known: bool) {
-    let per_hour = 3600.0_f64.to_degrees();
+    let sensitivity = QuantityUnit::other("rad*s/m", 3600.0_f64.to_degrees() * STANDARD_GRAVITY, "deg/h/gn");
     for (fit, axis) in each.iter().zip(AXES) {
         let bias = fit.parameter(0);
-        let inputs_of = |deviation: f64| inputs(deviation, fit.degrees_of_freedom);
-        let shown = (per_hour, "deg/h");
+        let inputs_of = |deviation: f64| by_scatter(deviation, fit.degrees_of_freedom);
         outcome.push_known(
             format!("gyroscope_bias_{axis}"),
-            ("rad/s", shown),
+            QuantityUnit::rate(),
             bias.value,
             inputs_of(bias.deviation),
         );
@@ -367,9 +305,8 @@ fn of_rest_means(outcome: &mut RecordOutcome, each: &[Fit<4>; 3], is_earth_known
                     Evaluation::B,
                 ));
             }
-            let shown = (per_hour * STANDARD_GRAVITY, "deg/h/gn");
             let name = format!("gyroscope_force_sensitivity_{axis}{along}");
-            outcome.push_known(name, ("rad*s/m", shown), found.value, inputs);
+            outcome.push_known(name, sensitivity, found.value, inputs);
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::noise_fit::{NoFit, NoiseFit};
 use super::outcome::UncertainEstimate;
+use super::quantities::STANDARD_GRAVITY;
 use crate::metrology::{Combined, coverage_factor};
 use crate::signal::{Confident, Deviation, octaves};
 use serde::Serialize;
@@ -38,9 +39,6 @@ pub struct NoiseTerm {
     /// What the value is multiplied by in tables, and the unit of the product.
     pub shown: (f64, &'static str),
 }
-
-/// Standard gravity in m/s².
-pub(super) const STANDARD_GRAVITY: f64 = 9.806_65;
 
 impl Sensor {
     /// The unit of its values.

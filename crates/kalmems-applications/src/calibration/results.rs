@@ -4,8 +4,8 @@ use super::certificate::{Certificate, certificate_page};
 use super::comparison::ReferenceComparison;
 use crate::WriteError;
 use crate::calibration::{
-    AXES, AxisAtRest, CalibratedGyroscope, Calibration, RecordOutcome, ScaleFactorChange, Sensor,
-    UncertainEstimate,
+    AXES, AxisAtRest, CalibratedGyroscope, Calibration, QuantityUnit, RecordOutcome, ScaleFactorChange,
+    Sensor, UncertainEstimate,
 };
 use crate::recording::RecordingSource;
 use kalmems_core::Portable;
@@ -478,14 +478,14 @@ pub(super) fn quantities(record: &RecordOutcome) -> TextTable {
     let caption = format!("{}: results with expanded uncertainties of 95 %", record.title);
     let mut table = TextTable::new(caption, columns);
     for quantity in &record.quantities {
-        let (factor, unit) = quantity.shown;
+        let QuantityUnit { factor, shown, .. } = quantity.unit;
         let found = &quantity.estimate;
         let [value, expanded] = with_uncertainty(factor * found.value, factor * found.expanded());
         table.push([
             quantity.name.replace('_', " "),
             value,
             expanded,
-            unit.to_owned(),
+            shown.to_owned(),
             format!("{:.2}", found.coverage_factor),
             freedom(found.degrees_of_freedom),
         ]);
@@ -790,7 +790,7 @@ fn entries(found: &Calibration, w: &mut dyn Write) -> io::Result<()> {
             writeln!(
                 w,
                 "{},,{},{},{value:e},{by_records:e},{uncertainty:e},{low:e},{high:e}",
-                record.kind, quantity.name, quantity.unit
+                record.kind, quantity.name, quantity.unit.unit
             )?;
         }
     }

@@ -6,7 +6,7 @@ use super::stretches::{RecordStretches, stretches};
 use super::tone::AXES;
 use crate::calibration::file::InertialUnit;
 use crate::config::{Channels, Clock, ColumnChoice, FileColumns, FileFormat, Key, Segments};
-use crate::recording::{RecordingLayout, SampledRecording, Segment};
+use crate::recording::{Finding, FindingKind, RecordingLayout, SampledRecording, Segment};
 use crate::units::{Kind, kind};
 use std::ops::Range;
 use std::path::Path;
@@ -65,6 +65,14 @@ impl<'a> RecordOfUnit<'a> {
         let unit = &files.file.gyroscope;
         let path = files.file.resolve(self.file, "");
         let recording = files.read(key, &path, &self.layout(unit))?;
+        if let Some((_, column, _)) = self.further {
+            // A set value stays where it was set.
+            let is_set = |finding: &Finding| {
+                finding.column.as_deref() == Some(column.name())
+                    && matches!(finding.kind, FindingKind::Saturation | FindingKind::Stuck)
+            };
+            files.named.findings.retain(|(_, finding)| !is_set(finding));
+        }
         let used = [columns(self.channels), columns(self.accelerometers)].concat();
         for segment in recording.segments() {
             require_usable(&recording, segment, &used)?;

@@ -2,4 +2,5 @@
 
 mod example;
 mod positions;
+mod rates;
 mod simulated;
