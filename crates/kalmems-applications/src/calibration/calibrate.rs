@@ -18,6 +18,7 @@ use super::quantities::RecordOutcome;
 use super::rates_record;
 use super::rest::{AxisAtRest, Sensor};
 use super::rest_record::{self, MeasuredRest};
+use super::temperature_record;
 use super::tone::{AXES, VibrationTone};
 use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference};
 use crate::config::Key;
@@ -67,7 +68,11 @@ pub fn calibrate(
     }
     let MeasuredRest { axes: rest, motions, remarks } = rest_record::measure(&mut files)?;
     let mut records: Vec<RecordOutcome> = positions_record::measure(&mut files)?.into_iter().collect();
-    records.extend(rates_record::measure(&mut files)?);
+    let rates = rates_record::measure(&mut files)?;
+    let over_temperature = temperature_record::of_rates(file, &rates)?;
+    records.extend(rates);
+    records.extend(over_temperature);
+    records.extend(temperature_record::measure(&mut files)?);
     let NamedFiles { sources, findings, .. } = files.named;
     let findings = findings.into_iter().map(|(file, finding)| format!("{file}: {finding}"));
     let comparisons = compared_references(&results);

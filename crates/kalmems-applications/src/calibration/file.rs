@@ -27,7 +27,7 @@ const RECORD: &str = "{record}";
 /// Two are equal if they say the same, whatever file they came from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(extend("anyOf" = [{ "required": ["condition"] }, { "required": ["rest"] }, { "required": ["positions"] }, { "required": ["rates"] }]))]
+#[schemars(extend("anyOf" = [{ "required": ["condition"] }, { "required": ["rest"] }, { "required": ["positions"] }, { "required": ["rates"] }, { "required": ["temperature"] }]))]
 pub struct GyroscopeCalibration {
     /// A name; results go to a folder of this name unless another is given.
     pub name: Name,
@@ -48,6 +48,9 @@ pub struct GyroscopeCalibration {
     /// Records on a rate table that turns at one rate after the other.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rates: Vec<RatesRecord>,
+    /// A record at rest during a cycle of temperature.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<TemperatureRecord>,
     /// What a certificate states and no record tells.
     #[serde(default, skip_serializing_if = "CertificateDetails::is_empty")]
     pub certificate: CertificateDetails,
@@ -346,6 +349,40 @@ pub struct RatesRecord {
     pub shortest: Option<Quantity<Time, Positive>>,
 }
 
+/// A record at rest while the temperature rises and falls. The columns are those of the unit and, in the same file, the temperature.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TemperatureRecord {
+    /// Its file.
+    #[schemars(example = &"cycle.csv")]
+    pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// Where the file holds several records: the column that tells them apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Segments>,
+    /// When its samples were taken; by the nominal rate if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock: Option<Clock>,
+    /// Its columns by axis. If these and those of the accelerometers are left out, they are those of the gyroscope.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub channels: Option<Channels>,
+    /// The columns of the accelerometers by axis.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accelerometers: Option<Channels>,
+    /// The column with the temperature of the unit.
+    #[schemars(example = &"temperature_K")]
+    pub temperature: ColumnChoice,
+    /// The order of the polynomials, 1 to 4; 2 if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 4))]
+    pub order: Option<u8>,
+    /// The temperature from which the polynomials count; the middle of the record's range if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference: Option<Quantity<Temperature, Positive>>,
+}
+
 /// An axis of the unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -402,19 +439,25 @@ impl ApplicationFile for GyroscopeCalibration {
             && self.rest.is_none()
             && self.positions.is_none()
             && self.rates.is_empty()
+            && self.temperature.is_none()
         {
-            let why = "found no record; expected `[[condition]]` of records under vibration, `[rest]`, `[positions]` or `[[rates]]`";
+            let why = "found no record; expected `[[condition]]` of records under vibration, `[rest]`, `[positions]`, `[[rates]]` or `[temperature]`";
             return refuse(Key::default(), why.to_owned());
         }
         let both = FileColumns { columns: self.gyroscope.columns(), ..FileColumns::default() };
         self.check_columns(&Key::from("gyroscope"), &both)?;
-        if let Some(rest) = &self.rest {
-            let key = Key::from("rest");
-            for (name, channels) in [("channels", &rest.channels), ("accelerometers", &rest.accelerometers)] {
+        let at_rest = self.rest.iter().map(|rest| ("rest", &rest.channels, &rest.accelerometers));
+        let in_cycle =
+            self.temperature.iter().map(|cycle| ("temperature", &cycle.channels, &cycle.accelerometers));
+        for (table, channels, accelerometers) in at_rest.chain(in_cycle) {
+            for (name, channels) in [("channels", channels), ("accelerometers", accelerometers)] {
                 if let Some(channels) = channels {
-                    self.check_axes(&key.clone().child(name), channels)?;
+                    self.check_axes(&Key::from(table).child(name), channels)?;
                 }
             }
+        }
+        if let Some(rest) = &self.rest {
+            let key = Key::from("rest");
             self.check_record(&key, &rest.of_unit(&self.gyroscope))?;
         }
         if let Some(positions) = &self.positions {
@@ -430,6 +473,13 @@ impl ApplicationFile for GyroscopeCalibration {
                 return refuse(unit.child("channels"), why.to_owned());
             }
             self.check_record(&key, &positions.of_unit(&self.gyroscope))?;
+        }
+        if let Some(record) = &self.temperature {
+            let key = Key::from("temperature");
+            if let Some(order) = record.order.filter(|order| !(1..=4).contains(order)) {
+                return refuse(key.child("order"), format!("an order of {order}; expected 1 to 4"));
+            }
+            self.check_record(&key, &record.of_unit(&self.gyroscope))?;
         }
         let mut rates = BTreeMap::new();
         for (index, record) in self.rates.iter().enumerate() {
@@ -547,6 +597,15 @@ impl InertialUnit {
         [&self.channels, &self.accelerometers].into_iter().flatten().flat_map(Channels::in_file).collect()
     }
 
+    /// The columns of gyroscopes and accelerometers in a record at rest: as stated, or those of the gyroscopes; a unit without any has accelerometers.
+    fn columns_at_rest<'a>(&'a self, stated: [Option<&'a Channels>; 2]) -> [Option<&'a Channels>; 2] {
+        match (stated, &self.channels) {
+            ([None, None], Some(channels)) => [Some(channels), None],
+            ([None, None], None) => [None, self.accelerometers.as_ref()],
+            _ => stated,
+        }
+    }
+
     /// Its clock, by its nominal rate.
     pub fn clock(&self) -> Clock {
         Clock::Rate { rate: self.rate.clone(), start: None }
@@ -578,15 +637,8 @@ impl MotionReference {
 impl RestRecord {
     /// The record with its columns.
     pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
-        let is_stated = self.channels.is_some() || self.accelerometers.is_some();
-        // A unit without gyroscopes has accelerometers.
-        let of_unit = if unit.channels.is_some() {
-            [unit.channels.as_ref(), None]
-        } else {
-            [None, unit.accelerometers.as_ref()]
-        };
         let [channels, accelerometers] =
-            if is_stated { [self.channels.as_ref(), self.accelerometers.as_ref()] } else { of_unit };
+            unit.columns_at_rest([self.channels.as_ref(), self.accelerometers.as_ref()]);
         RecordOfUnit {
             file: &self.file,
             format: self.format.as_ref(),
@@ -625,6 +677,23 @@ impl RatesRecord {
             channels: unit.channels.as_ref(),
             accelerometers: None,
             further: Some(("table", &self.table, &kind::ANGULAR_RATE)),
+        }
+    }
+}
+
+impl TemperatureRecord {
+    /// The record with its columns.
+    pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
+        let [channels, accelerometers] =
+            unit.columns_at_rest([self.channels.as_ref(), self.accelerometers.as_ref()]);
+        RecordOfUnit {
+            file: &self.file,
+            format: self.format.as_ref(),
+            segments: self.segments.as_ref(),
+            clock: self.clock.as_ref(),
+            channels,
+            accelerometers,
+            further: Some(("temperature", &self.temperature, &kind::TEMPERATURE)),
         }
     }
 }

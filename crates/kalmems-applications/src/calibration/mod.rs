@@ -10,6 +10,8 @@ mod centre;
 #[cfg(feature = "report")]
 mod certificate;
 mod comparison;
+#[cfg(feature = "report")]
+mod compensation_header;
 mod cross_check;
 mod error;
 mod file;
@@ -36,6 +38,7 @@ mod results;
 mod simulated;
 mod still;
 mod stretches;
+mod temperature_record;
 mod tone;
 mod unit_record;
 
@@ -47,7 +50,7 @@ pub use comparison::ReferenceComparison;
 pub use error::CalibrationError;
 pub use file::{
     CertificateDetails, Condition, GyroscopeCalibration, InertialUnit, MonteCarlo, MotionReference,
-    PositionsRecord, RatesRecord, RestRecord, StatedUncertainty, TableAxis,
+    PositionsRecord, RatesRecord, RestRecord, StatedUncertainty, TableAxis, TemperatureRecord,
 };
 pub use matrix::{CalibrationMatrix, LeaveOneOut, RatePair, Repeatability};
 pub use noise_fit::{NoFit, NoiseFit};
@@ -58,7 +61,9 @@ pub use outcome::{
     ScaleFactorChange, UncertainEstimate, UncertaintyContribution,
 };
 pub use peaks::{HALF_WINDOW, PeakToPeak};
-pub use quantities::{CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome};
+pub use quantities::{
+    CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome, TemperaturePolynomial,
+};
 pub use rest::{AxisAtRest, BiasMethod, NoiseTerm, Sensor};
 #[cfg(feature = "report")]
 pub use results::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};

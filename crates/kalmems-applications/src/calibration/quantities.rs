@@ -63,6 +63,21 @@ fn in_si<S: Serializer>(unit: &QuantityUnit, serializer: S) -> Result<S::Ok, S::
     serializer.serialize_str(unit.unit)
 }
 
+/// A number as a polynomial of the temperature, with which it can be compensated.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TemperaturePolynomial {
+    /// The number, such as `gyroscope_bias_z`.
+    pub name: String,
+    /// Its unit.
+    pub unit: &'static str,
+    /// The temperature in K from which the polynomial counts.
+    pub reference_k: f64,
+    /// The temperatures in K of the record, lowest and highest.
+    pub range_k: [f64; 2],
+    /// The coefficients from the constant on, of the temperature in K from the reference.
+    pub coefficients: Vec<f64>,
+}
+
 /// A check of what was assumed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CertificateCheck {
@@ -87,6 +102,9 @@ pub struct RecordOutcome {
     pub method: String,
     /// The numbers.
     pub quantities: Vec<CalibratedQuantity>,
+    /// Polynomials of the temperature.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub compensation: Vec<TemperaturePolynomial>,
     /// The parts of the record, row by row.
     #[serde(skip)]
     pub tables: Vec<TextTable>,
@@ -120,6 +138,7 @@ impl RecordOutcome {
             title: title.into(),
             method: method.into(),
             quantities: Vec::new(),
+            compensation: Vec::new(),
             tables: Vec::new(),
             figures: Vec::new(),
             checks: Vec::new(),

@@ -2,10 +2,11 @@
 
 use super::certificate::{Certificate, certificate_page};
 use super::comparison::ReferenceComparison;
+use super::compensation_header::header;
 use crate::WriteError;
 use crate::calibration::{
     AXES, AxisAtRest, CalibratedGyroscope, Calibration, QuantityUnit, RecordOutcome, ScaleFactorChange,
-    Sensor, UncertainEstimate,
+    Sensor, TemperaturePolynomial, UncertainEstimate,
 };
 use crate::recording::RecordingSource;
 use kalmems_core::Portable;
@@ -722,7 +723,7 @@ fn of_rest(rests: &[&AxisAtRest], sensor: Sensor) -> Figure {
 }
 
 /// Writes a calibration into a result: `calibration.json`, `calibration.csv` (a line for each entry of K and each bias),
-/// `records.csv`, `allan.csv` where there is a record at rest, `certificate.json` and `certificate.html`, `report.html`, its pictures in
+/// `records.csv`, `allan.csv` where there is a record at rest, `temperature.json` and `temperature.h` where there are polynomials of the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
 /// `figures/`, `run.toml`.
 pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) -> Result<(), WriteError> {
     let input_id = input_id(found);
@@ -740,6 +741,15 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
         if !rests.is_empty() {
             output.write(&format!("{}.csv", allan_id(sensor)), |w| allan(&rests, sensor, w))?;
         }
+    }
+    let compensation: Vec<&TemperaturePolynomial> =
+        found.records.iter().flat_map(|record| &record.compensation).collect();
+    if !compensation.is_empty() {
+        output.write("temperature.json", |w| {
+            serde_json::to_writer_pretty(&mut *w, &compensation)?;
+            writeln!(w)
+        })?;
+        output.write("temperature.h", |w| w.write_all(header(&compensation).as_bytes()))?;
     }
     let figures = calibration_figures(found);
     let html = explained(page(found, &figures)).to_html()?;

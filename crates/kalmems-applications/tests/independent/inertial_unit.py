@@ -161,6 +161,53 @@ def rest(random):
     return np.column_stack([force / 9.80665, np.degrees(rate)]), put_in
 
 
+def table(random):
+    """A staircase of a rate table about z, up and down, at 50 Hz; the means of the steps by NumPy."""
+    levels = np.array([-200, -150, -100, -50, 0, 50, 100, 150, 200.0])
+    rates = np.concatenate([levels, levels[-2::-1]])
+    hold, ramp = 100, 30
+    bias, scale, square, cube, hysteresis = 0.447, 0.9875, 2e-7, -3e-9, 0.01  # in deg/s and its powers
+    rows, means, before = [], [], rates[0]
+    for rate in rates:
+        direction = np.sign(rate - before)
+        off = 0.004 * random.standard_normal()
+        now = np.concatenate([before + (rate - before) * np.sin(0.5 * np.pi * np.arange(ramp) / ramp) ** 2, np.full(hold, rate)])
+        shown = bias + scale * now + square * now**2 + cube * now**3 + 0.5 * hysteresis * direction
+        shown = np.round(shown + np.where(np.arange(ramp + hold) >= ramp, off, 0.0) + 0.08 * random.standard_normal(len(now)), 4)
+        cross = np.round(0.0051 * now + 0.08 * random.standard_normal(len(now)), 4)
+        other = np.round(-0.0036 * now + 0.08 * random.standard_normal(len(now)), 4)
+        rows += list(zip(np.round(now, 4), cross, other, shown))
+        means.append((rate, direction, shown[ramp + 12 :].mean()))
+        before = rate
+    means = np.array(means)
+    x, s = means[:, 0], means[:, 1]
+    found = np.linalg.lstsq(np.column_stack([np.ones_like(x), x, abs(x), x**2, x**3, s]), means[:, 2], rcond=None)[0]
+    line = lambda values: np.polyfit(x, values, 1)[0]
+    fitted = np.column_stack([np.ones_like(x), x, abs(x), x**2, x**3]) @ found[:5]
+    put_in = bias + scale * x + square * x**2 + cube * x**3
+    solved = {"scale_factor_z": line(fitted), "bias_z": np.radians(found[0]), "hysteresis_z": np.radians(2 * found[5])}
+    truth = {"scale_factor_z": line(put_in), "bias_z": np.radians(bias), "hysteresis_z": np.radians(hysteresis)}
+    truth["cross_axis_sensitivity_xz"] = 0.0051
+    return rows, {key: float(value) for key, value in truth.items()}, {key: float(value) for key, value in solved.items()}
+
+
+def cycle(random):
+    """A gyroscope at rest while the temperature rises from 260 to 340 K and falls again, at 4 Hz."""
+    count = 4800
+    up = np.arange(count) < count // 2
+    part = np.where(up, np.arange(count) / (count // 2), 2.0 - np.arange(count) / (count // 2))
+    temperature = 260.0 + 80.0 * part
+    off = temperature - 300.0
+    bias = np.where(up, 0.40 + 1e-3 * off - 6e-6 * off**2, 0.42 + 1.1e-3 * off - 6e-6 * off**2)  # deg/s
+    put_in = {
+        "gyroscope_bias_z_up_0": 0.40, "gyroscope_bias_z_up_1": 1e-3, "gyroscope_bias_z_up_2": -6e-6,
+        "gyroscope_bias_z_down_0": 0.42, "gyroscope_bias_z_down_1": 1.1e-3, "gyroscope_bias_z_down_2": -6e-6,
+        "gyroscope_bias_z_hysteresis": -0.02,
+    }  # fmt: skip
+    rows = np.column_stack([temperature, bias + 0.05 * random.standard_normal(count)])
+    return rows, {name: float(np.radians(value)) for name, value in put_in.items()}
+
+
 def main():
     random = np.random.default_rng(20261128)
     os.makedirs(EXAMPLE, exist_ok=True)
@@ -170,12 +217,18 @@ def main():
     written = np.column_stack([np.round(samples[:, k], digits[k]) for k in range(6)])
     rest_samples, noises = rest(random)
     write("rest.csv", ["acc_z_gn", "gyro_z_dps"], rest_samples, [6, 5])
+    rows, truth, solved_table = table(random)
+    write("table.csv", ["table_dps", "gyro_x_dps", "gyro_y_dps", "gyro_z_dps"], rows, [4, 4, 4, 4])
+    rows, of_cycle = cycle(random)
+    write("cycle.csv", ["unit_K", "gyro_z_dps"], rows, [2, 4])
     result = {
         "positions": {
             "put_in": numbers(ACCELEROMETERS, ACCELEROMETER_BIAS, GYROSCOPES),
             "solved": numbers(*solved(written, rests, rate_hz)),
         },
         "rest": noises,
+        "rates": {"put_in": truth, "solved": solved_table},
+        "temperature": {"put_in": of_cycle},
     }
     with open(os.path.join(HERE, "inertial_unit.json"), "w", encoding="utf-8") as file:
         json.dump(result, file, indent=1, sort_keys=True)

@@ -4,3 +4,4 @@ mod example;
 mod positions;
 mod rates;
 mod simulated;
+mod temperature;
