@@ -33,7 +33,7 @@ pub struct CalibrationSummary<'a> {
     /// The record at rest, axis by axis.
     pub rest: Vec<RestSummary<'a>>,
     /// Records of other kinds, such as that of positions.
-    pub records: &'a [RecordOutcome],
+    pub unit_records: &'a [RecordOutcome],
     /// What was found in the files and does not keep them from being used.
     pub findings: &'a [String],
     /// Those of them that say that the record at rest moves.
@@ -69,7 +69,7 @@ impl<'a> CalibrationSummary<'a> {
             changes: &found.changes,
             comparisons: &found.comparisons,
             rest: rest.collect(),
-            records: &found.records,
+            unit_records: &found.records,
             findings: &found.findings,
             rest_motions: &found.rest_motions,
         }
@@ -108,7 +108,7 @@ impl<'a> CalibrationSummary<'a> {
                 text += &format!("\n{}", table.to_text());
             }
         }
-        for record in self.records {
+        for record in self.unit_records {
             for table in std::iter::once(&quantities(record)).chain(&record.tables) {
                 text += &format!("\n{}", table.to_text());
             }

@@ -1,4 +1,4 @@
-//! The parts of a record in which a unit is still.
+//! The parts of a record in which a unit is still, or turns at a constant rate.
 //!
 //! The record is divided into blocks. A block is still if each channel varies in it about as little as in the quietest quarter of all
 //! blocks, and if no gyroscope shows a constant rate there. The blocks at the ends of a still part are left out, as a motion begins and ends
