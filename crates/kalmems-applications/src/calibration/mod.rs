@@ -33,6 +33,7 @@ mod quantities;
 mod rates_record;
 mod rest;
 mod rest_record;
+mod rest_spectrum;
 #[cfg(feature = "report")]
 mod results;
 mod simulated;

@@ -4,6 +4,7 @@ use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::motion::{RestMotion, motions};
 use super::rest::{AxisAtRest, Sensor, finite_runs};
+use super::rest_spectrum::{RestLine, RestSpectrum};
 use super::tone::AXES;
 use super::unit_record::UnitSamples;
 use crate::config::Key;
@@ -65,7 +66,14 @@ impl MeasuredRest {
         }
         let all_finite = values.iter().enumerate().filter(|(_, value)| value.is_finite());
         let rows: Vec<usize> = all_finite.map(|(row, _)| row).collect();
-        for motion in motions(&runs) {
+        let spectrum = runs.iter().max_by_key(|run| run.len()).and_then(|longest| RestSpectrum::of(longest));
+        let lines = spectrum.iter().flat_map(RestSpectrum::lines);
+        let found = AxisAtRest {
+            density: spectrum.as_ref().map_or_else(Vec::new, |spectrum| spectrum.density(time.interval_s)),
+            lines: lines.map(|line| [line.frequency / time.interval_s, line.amplitude]).collect(),
+            ..found
+        };
+        for motion in motions(&runs, spectrum.as_ref()) {
             let said = describe(&motion, samples, &rows, sensor.unit());
             self.motions.push(format!("{place}: the record is called one at rest, and {said}"));
         }
@@ -102,7 +110,7 @@ fn describe(motion: &RestMotion, samples: &UnitSamples, rows: &[usize], unit: &s
             time(samples.start),
             time(samples.end.saturating_sub(1)),
         ),
-        RestMotion::Line { frequency, amplitude } => format!(
+        RestMotion::Line(RestLine { frequency, amplitude }) => format!(
             "a line of {amplitude:.3e} {unit} at {:.6} Hz stands out of its noise (noise alone shows one in less than one record \
              of 1000): it vibrates, or something interferes. The deviations at times about half a cycle of it are not those of \
              rest.",

@@ -9,6 +9,7 @@ use crate::calibration::{
     Sensor, TemperaturePolynomial, UncertainEstimate,
 };
 use crate::recording::RecordingSource;
+use crate::signal::Confident;
 use kalmems_core::Portable;
 use kalmems_engines::topics::{explained, link};
 use kalmems_figures::{
@@ -49,19 +50,38 @@ pub struct RestSummary<'a> {
     pub rest: &'a AxisAtRest,
     /// Averaging time in s, Allan's deviation in rad/s, its interval of 95 %, the degrees of freedom, and the power of
     /// the frequency in the noise.
-    pub allan: Vec<(f64, f64, [f64; 2], f64, i32)>,
+    pub allan: Vec<DeviationRow>,
+    /// The same of the modified deviation.
+    pub modified: Vec<DeviationRow>,
+    /// The same of Hadamard's overlapping deviation.
+    pub hadamard: Vec<DeviationRow>,
+    /// The same of the total deviation.
+    pub total: Vec<DeviationRow>,
+    /// The density of the noise on either side of the frequency 0: frequency in Hz, and (rad/s)²/Hz.
+    pub density: &'a [[f64; 2]],
+}
+
+/// Averaging time in s, deviation, its interval of 95 %, the degrees of freedom, and the power of the frequency in the noise.
+type DeviationRow = (f64, f64, [f64; 2], f64, i32);
+
+fn rows(deviations: &[Confident]) -> Vec<DeviationRow> {
+    let row = |d: &Confident| (d.averaged.time_s, d.averaged.deviation, d.interval, d.freedom, d.exponent);
+    deviations.iter().map(row).collect()
 }
 
 impl<'a> CalibrationSummary<'a> {
     /// The numbers of a calibration.
     pub fn of(found: &'a Calibration) -> Self {
-        let rest = found.rest.iter().map(|rest| RestSummary {
-            rest,
-            allan: rest
-                .deviations
-                .iter()
-                .map(|d| (d.averaged.time_s, d.averaged.deviation, d.interval, d.freedom, d.exponent))
-                .collect(),
+        let rest = found.rest.iter().map(|rest| {
+            let [(_, modified), (_, hadamard), (_, total)] = &rest.relatives;
+            RestSummary {
+                rest,
+                allan: rows(&rest.deviations),
+                modified: rows(modified),
+                hadamard: rows(hadamard),
+                total: rows(total),
+                density: &rest.density,
+            }
         });
         Self {
             name: found.file.name.to_string(),
@@ -578,6 +598,7 @@ pub fn calibration_figures(found: &Calibration) -> Vec<Figure> {
         let rests: Vec<&AxisAtRest> = found.rest.iter().filter(|rest| rest.sensor == sensor).collect();
         if !rests.is_empty() {
             figures.push(of_rest(&rests, sensor));
+            figures.push(of_density(&rests, sensor));
         }
     }
     figures.extend(found.records.iter().flat_map(|record| record.figures.iter().cloned()));
@@ -717,6 +738,45 @@ fn of_rest(rests: &[&AxisAtRest], sensor: Sensor) -> Figure {
         if let Some([bias, _]) = rest.bias_instability {
             let floor = shown(bias * super::noise_fit::FLOOR.sqrt());
             panel = panel.with(Series::level("floor of the bias instability", SeriesRole::Bound, floor));
+        }
+        figure.with(panel)
+    })
+}
+
+/// The density of each axis with the fitted noise and the lines that stand out.
+fn of_density(rests: &[&AxisAtRest], sensor: Sensor) -> Figure {
+    let (id, unit) = match sensor {
+        Sensor::Gyroscope => ("density", "rad/s/Hz^(1/2)"),
+        Sensor::Accelerometer => ("density-accelerometers", "m/s^2/Hz^(1/2)"),
+    };
+    let figure = Figure::new(
+        id,
+        "Density of the noise at rest",
+        "The root of the density on either side of the frequency 0, averaged over bands; what white noise, flicker and a random walk as fitted to Allan's \
+         variances have, and the lines that stand out of the noise, with the amplitude over the root of the resolution.",
+    );
+    rests.iter().fold(figure, |figure, rest| {
+        let measured: Vec<(f64, f64)> = rest.density.iter().map(|[f, s]| (*f, s.sqrt())).collect();
+        let mut panel = Panel::new(
+            Axis::new("frequency", "Hz").log(),
+            Axis::new(format!("root density of {}", rest.axis), unit).log(),
+        )
+        .with(Series::line("measured", SeriesRole::Measured, measured));
+        if let Some(fit) = &rest.noise_fit {
+            let of = |f: f64| {
+                let turn = std::f64::consts::TAU * f;
+                let white = fit.angle_random_walk.0.powi(2) / (1.0 + (turn * fit.time_constant_s).powi(2));
+                let (flicker, walk) =
+                    (fit.bias_instability.0.powi(2) / turn, (fit.rate_random_walk.0 / turn).powi(2));
+                (white + flicker + walk).sqrt()
+            };
+            let fitted: Vec<(f64, f64)> = rest.density.iter().map(|[f, _]| (*f, of(*f))).collect();
+            panel = panel.with(Series::line("fitted noise", SeriesRole::Model, fitted));
+        }
+        let lines: Vec<(f64, f64)> =
+            rest.lines.iter().map(|[f, amplitude]| (*f, 0.5 * amplitude * rest.duration_s.sqrt())).collect();
+        if !lines.is_empty() {
+            panel = panel.with(Series::points("lines", SeriesRole::Estimate, lines));
         }
         figure.with(panel)
     })
@@ -910,7 +970,9 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     if !found.rest.is_empty() {
         let rests: Vec<&AxisAtRest> = found.rest.iter().collect();
         let mut section = at_rest(&rests).into_iter().fold(PageSection::new("At rest"), PageSection::table);
-        for figure in figures.iter().filter(|figure| figure.id.starts_with("allan")) {
+        for figure in
+            figures.iter().filter(|figure| figure.id.starts_with("allan") || figure.id.starts_with("density"))
+        {
             section = section.figure(figure.clone());
         }
         page = page.with(section);
