@@ -74,22 +74,38 @@ pub struct CertificateDetails {
     /// For whom.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub customer: Option<String>,
-    /// Who calibrated it, and where.
+    /// Who calibrated it, and where: name and address.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub laboratory: Option<String>,
     /// Who answers for it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub operator: Option<String>,
+    /// When the laboratory received it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"2026-11-20")]
+    pub received: Option<String>,
     /// When it was calibrated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"2026-11-25")]
     pub date: Option<String>,
+    /// When the certificate was issued.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"2026-11-26")]
+    pub issued: Option<String>,
+    /// Whether the results are as found or as left after an adjustment, and where the other ones are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"as found; not adjusted")]
+    pub state: Option<String>,
     /// Conditions that no record tells: pressure, humidity, supply, settling time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub conditions: Option<String>,
     /// To which standards the references are traceable, and by which certificates.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub traceability: Option<String>,
+    /// A coverage factor that is wanted instead of that for 95 %, such as 2; the coverage probability then follows from it and the degrees of freedom.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 3))]
+    pub coverage_factor: Option<u8>,
 }
 
 impl CertificateDetails {
@@ -98,14 +114,17 @@ impl CertificateDetails {
     }
 
     /// Each key with what is stated.
-    pub fn entries(&self) -> [(&'static str, Option<&str>); 8] {
+    pub fn entries(&self) -> [(&'static str, Option<&str>); 11] {
         [
             ("number", self.number.as_deref()),
             ("item", self.item.as_deref()),
             ("customer", self.customer.as_deref()),
             ("laboratory", self.laboratory.as_deref()),
             ("operator", self.operator.as_deref()),
+            ("received", self.received.as_deref()),
             ("date", self.date.as_deref()),
+            ("issued", self.issued.as_deref()),
+            ("state", self.state.as_deref()),
             ("conditions", self.conditions.as_deref()),
             ("traceability", self.traceability.as_deref()),
         ]
@@ -434,6 +453,10 @@ impl ApplicationFile for GyroscopeCalibration {
         if !self.conditions.is_empty() && self.gyroscope.clock_tolerance.is_none() {
             let why = "records under vibration need how far the gyroscope's clock may be off; expected such as `clock_tolerance = \"1 %\"`";
             return refuse(unit.child("clock_tolerance"), why.to_owned());
+        }
+        if let Some(factor) = self.certificate.coverage_factor.filter(|factor| !(1..=3).contains(factor)) {
+            let why = format!("a coverage factor of {factor}; expected 1 to 3");
+            return refuse(Key::from("certificate").child("coverage_factor"), why);
         }
         if self.conditions.is_empty()
             && self.rest.is_none()

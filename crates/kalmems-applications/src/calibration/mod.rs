@@ -22,6 +22,8 @@ mod matrix;
 mod motion;
 mod noise_fit;
 mod noise_study;
+#[cfg(feature = "report")]
+mod noise_yaml;
 mod octave_covariance;
 mod off_axis;
 mod one_factor;

@@ -95,20 +95,18 @@ impl FoundPositions {
     fn of(samples: &UnitSamples, shortest_s: f64) -> Self {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a number of samples
         let shortest = (shortest_s / samples.time.interval_s).ceil().max(2.0) as usize;
-        let empty = Vec::new();
-        let axes = |all: &[Option<Vec<f64>>; 3], row: usize| -> [f64; 3] {
-            std::array::from_fn(|axis| {
-                all[axis].as_ref().and_then(|values| values.get(row)).copied().unwrap_or(0.0)
-            })
+        let (all_rates, all_forces) = (samples.rates(), samples.forces());
+        let axes = |all: &[Option<&[f64]>; 3], row: usize| -> [f64; 3] {
+            std::array::from_fn(|axis| all[axis].and_then(|values| values.get(row)).copied().unwrap_or(0.0))
         };
         let mut found = Self { rows: Vec::new(), positions: Vec::new(), motions: Vec::new(), noise: 0.0 };
         let mut variances = Vec::new();
         for stretch in &samples.time.rows {
-            let channels: Vec<StillChannel> = [(&samples.rates, true), (&samples.forces, false)]
+            let channels: Vec<StillChannel> = [(&all_rates, true), (&all_forces, false)]
                 .into_iter()
                 .flat_map(|(all, is_rate)| all.iter().flatten().map(move |values| (values, is_rate)))
                 .map(|(values, is_rate)| StillChannel {
-                    values: values.get(stretch.clone()).unwrap_or(&empty),
+                    values: values.get(stretch.clone()).unwrap_or_default(),
                     is_rate,
                 })
                 .collect();
@@ -116,26 +114,26 @@ impl FoundPositions {
             for part in still_parts(&channels, shortest) {
                 let rows = stretch.start + part.start..stretch.start + part.end;
                 let count = rows.len() as f64;
-                let mean = |all: &[Option<Vec<f64>>; 3]| -> [f64; 3] {
+                let mean = |all: &[Option<&[f64]>; 3]| -> [f64; 3] {
                     let mut sum = [0.0; 3];
                     for row in rows.clone() {
                         sum.iter_mut().zip(axes(all, row)).for_each(|(sum, value)| *sum += value);
                     }
                     sum.map(|sum| sum / count)
                 };
-                let position = Position { force: mean(&samples.forces), rate: mean(&samples.rates) };
+                let position = Position { force: mean(&all_forces), rate: mean(&all_rates) };
                 for row in rows.clone() {
-                    let value = axes(&samples.forces, row);
+                    let value = axes(&all_forces, row);
                     let square: f64 =
                         value.iter().zip(position.force).map(|(v, mean)| (v - mean).powi(2)).sum();
                     variances.push(square / 3.0 / count);
                 }
                 let place = found.positions.len();
-                if let Some(earlier) = before.filter(|_| samples.rates.iter().all(Option::is_some)) {
+                if let Some(earlier) = before.filter(|_| all_rates.iter().all(Option::is_some)) {
                     let between = found.rows[earlier].end.saturating_sub(1)..rows.start + 1;
                     found.motions.push(MotionBetween {
                         positions: [earlier, place],
-                        rates: between.map(|row| axes(&samples.rates, row)).collect(),
+                        rates: between.map(|row| axes(&all_rates, row)).collect(),
                         interval_s: samples.time.interval_s,
                     });
                 }
@@ -348,7 +346,7 @@ fn figure(samples: &UnitSamples, found: &FoundPositions, fit: &Fit<9>, gravity: 
     let rows = samples.recording.rows();
     let time: Vec<f64> = (0..rows).map(|row| samples.time_s(row)).collect();
     let mut panel = Panel::new(Axis::new("time", "s"), Axis::new("specific force", "m/s^2"));
-    for (axis, values) in AXES.iter().zip(&samples.forces) {
+    for (axis, values) in AXES.iter().zip(samples.forces()) {
         let Some(values) = values else { continue };
         panel =
             panel.with(Series::line(*axis, SeriesRole::Measured, pairs(&time, values).collect::<Vec<_>>()));

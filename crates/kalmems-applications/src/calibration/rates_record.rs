@@ -144,8 +144,9 @@ impl Steps {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a number of samples
         let shortest = (shortest_s / samples.time.interval_s).ceil().max(2.0) as usize;
         let mut each: Vec<Step> = Vec::new();
+        let rates = samples.rates();
         for stretch in &samples.time.rows {
-            let all = samples.rates.iter().flatten().chain([&samples.further]);
+            let all = rates.into_iter().flatten().chain([samples.further()]);
             let channels: Vec<StillChannel> = all
                 .map(|values| StillChannel {
                     values: values.get(stretch.clone()).unwrap_or_default(),
@@ -155,12 +156,12 @@ impl Steps {
             let mut before: Option<f64> = None;
             for part in still_parts(&channels, shortest) {
                 let rows = stretch.start + part.start..stretch.start + part.end;
-                let mean = |values: &Vec<f64>| {
+                let mean = |values: &[f64]| {
                     let values = values.get(rows.clone()).unwrap_or_default();
                     values.iter().sum::<f64>() / values.len() as f64
                 };
-                let table = mean(&samples.further) + earth;
-                let shown = std::array::from_fn(|axis| samples.rates[axis].as_ref().map(mean));
+                let table = mean(samples.further()) + earth;
+                let shown = std::array::from_fn(|axis| rates[axis].map(mean));
                 let direction = before.map_or(0.0, |before| if table > before { 1.0 } else { -1.0 });
                 before = Some(table);
                 each.push(Step { rows, table, shown, direction });
@@ -353,7 +354,7 @@ impl Steps {
         record: &RatesRecord,
     ) -> Figure {
         let time: Vec<f64> = (0..samples.recording.rows()).map(|row| samples.time_s(row)).collect();
-        let table: Vec<f64> = samples.further.iter().map(|rate| rate.to_degrees()).collect();
+        let table: Vec<f64> = samples.further().iter().map(|rate| rate.to_degrees()).collect();
         let mut above = Panel::new(Axis::new("time", "s"), Axis::new("rate of the table", "deg/s"))
             .with(Series::line("table", SeriesRole::Measured, pairs(&time, &table).collect::<Vec<_>>()));
         for (place, step) in self.each.iter().enumerate() {

@@ -188,15 +188,15 @@ impl AxisAtRest {
 
     /// From stretches of equidistant finite samples with gaps between them. `None` of fewer than 64.
     pub fn of_stretches(axis: &'static str, stretches: &[&[f64]], interval_s: f64) -> Option<Self> {
-        let values: Vec<f64> = stretches.concat();
-        let samples = values.len();
+        let values = || stretches.iter().flat_map(|stretch| stretch.iter().copied());
+        let samples: usize = stretches.iter().map(|stretch| stretch.len()).sum();
         let lengths: Vec<usize> = stretches.iter().map(|stretch| stretch.len()).collect();
         let longest = lengths.iter().copied().max().unwrap_or(0);
         if samples < 64 || interval_s.is_nan() || interval_s <= 0.0 {
             return None;
         }
-        let bias = mean(&values);
-        let square: f64 = values.iter().map(|v| (v - bias).powi(2)).sum();
+        let bias = values().sum::<f64>() / samples as f64;
+        let square: f64 = values().map(|v| (v - bias).powi(2)).sum();
         let deviations = Deviation::Overlapping.of_stretches_with_confidence(
             stretches,
             interval_s,
@@ -213,11 +213,12 @@ impl AxisAtRest {
         let duration_s = samples as f64 * interval_s;
         let (bias_method, bias_uncertainty, bias_freedom) = match &fit {
             Some(fit) => (BiasMethod::NoiseFit, fit.deviation(duration_s), fit.freedom_of_whole),
-            None => (BiasMethod::MeansOfPieces, of_pieces(&values), (PIECES - 1) as f64),
+            None => (BiasMethod::MeansOfPieces, of_pieces(values(), samples), (PIECES - 1) as f64),
         };
         let half = coverage_factor(super::inputs::PROBABILITY, bias_freedom) * bias_uncertainty;
-        let (first, second) = values.split_at(samples / 2);
-        let change = mean(second) - mean(first);
+        let half_of = samples / 2;
+        let first = values().take(half_of).sum::<f64>() / half_of as f64;
+        let change = values().skip(half_of).sum::<f64>() / (samples - half_of) as f64 - first;
         let usual = fit.map(|fit| (2.0 * fit.without_walk(0.5 * duration_s)).sqrt());
         // The lowest fitted deviation between the octaves.
         let lowest = fit.and_then(|fit| {
@@ -299,14 +300,14 @@ impl AxisAtRest {
     }
 }
 
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
 /// The standard deviation of a mean by those of its pieces.
-fn of_pieces(values: &[f64]) -> f64 {
-    let means: Vec<f64> = values.chunks_exact(values.len() / PIECES).take(PIECES).map(mean).collect();
-    let middle = mean(&means);
+fn of_pieces(values: impl Iterator<Item = f64>, samples: usize) -> f64 {
+    let length = samples / PIECES;
+    let mut means = [0.0; PIECES];
+    for (place, value) in values.take(length * PIECES).enumerate() {
+        means[place / length] += value / length as f64;
+    }
+    let middle = means.iter().sum::<f64>() / PIECES as f64;
     let spread = means.iter().map(|m| (m - middle).powi(2)).sum::<f64>() / (PIECES - 1) as f64;
     (spread / PIECES as f64).sqrt()
 }

@@ -26,11 +26,11 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<MeasuredRest, Calibratio
     let mut samples = record.read(files, Key::from("rest").child("file"))?;
     let mut found = MeasuredRest { remarks: std::mem::take(&mut samples.remarks), ..MeasuredRest::default() };
     for (sensor, channels, all) in [
-        (Sensor::Gyroscope, record.channels, &samples.rates),
-        (Sensor::Accelerometer, record.accelerometers, &samples.forces),
+        (Sensor::Gyroscope, record.channels, samples.rates()),
+        (Sensor::Accelerometer, record.accelerometers, samples.forces()),
     ] {
         for (axis, values) in AXES.into_iter().zip(all) {
-            let Some((values, column)) = values.as_ref().zip(channels.and_then(|c| c.column(axis))) else {
+            let Some((values, column)) = values.zip(channels.and_then(|c| c.column(axis))) else {
                 continue;
             };
             let place = format!("{}, column `{column}`", samples.place);

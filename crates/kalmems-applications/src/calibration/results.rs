@@ -3,6 +3,7 @@
 use super::certificate::{Certificate, certificate_page};
 use super::comparison::ReferenceComparison;
 use super::compensation_header::header;
+use super::noise_yaml::noise_yaml;
 use crate::WriteError;
 use crate::calibration::{
     AXES, AxisAtRest, CalibratedGyroscope, Calibration, QuantityUnit, RecordOutcome, ScaleFactorChange,
@@ -581,12 +582,21 @@ fn three_digits(number: f64) -> String {
     format!("{number:.digits$}")
 }
 
-/// A number with an expanded uncertainty: as many digits as two of the uncertainty.
+/// A number with an expanded uncertainty, which has two significant digits, and the number the same last place (JCGM 100, 7.2.6).
 pub(super) fn with_uncertainty(value: f64, expanded: f64) -> [String; 2] {
-    let digits = (1.0 - expanded.abs().portable_log10().floor()).clamp(0.0, 12.0);
+    if !(expanded.abs() > 0.0 && expanded.is_finite()) {
+        return [format!("{value:.6}"), format!("{expanded:.6}")];
+    }
+    let mut place = expanded.abs().portable_log10().floor() - 1.0;
+    // 0.0996 becomes 0.10.
+    if (expanded.abs() / 10.0_f64.portable_powf(place)).round() >= 100.0 {
+        place += 1.0;
+    }
+    let unit = 10.0_f64.portable_powf(place.max(0.0));
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 0 and 12
-    let digits = if digits.is_finite() { digits as usize } else { 6 };
-    [format!("{value:.digits$}"), format!("{expanded:.digits$}")]
+    let digits = (-place).clamp(0.0, 12.0) as usize;
+    let rounded = |number: f64| if unit > 1.0 { (number / unit).round() * unit } else { number };
+    [value, expanded].map(|number| format!("{:.digits$}", rounded(number)))
 }
 
 /// The pictures of a calibration.
@@ -783,7 +793,7 @@ fn of_density(rests: &[&AxisAtRest], sensor: Sensor) -> Figure {
 }
 
 /// Writes a calibration into a result: `calibration.json`, `calibration.csv` (a line for each entry of K and each bias),
-/// `records.csv`, `allan.csv` where there is a record at rest, `temperature.json` and `temperature.h` where there are polynomials of the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
+/// `records.csv`, `allan.csv` and `imu.yaml` where there is a record at rest, `temperature.json` and `temperature.h` where there are polynomials of the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
 /// `figures/`, `run.toml`.
 pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) -> Result<(), WriteError> {
     let input_id = input_id(found);
@@ -801,6 +811,9 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
         if !rests.is_empty() {
             output.write(&format!("{}.csv", allan_id(sensor)), |w| allan(&rests, sensor, w))?;
         }
+    }
+    if let Some(yaml) = noise_yaml(&found.rest, found.file.gyroscope.rate.si()) {
+        output.write("imu.yaml", |w| w.write_all(yaml.as_bytes()))?;
     }
     let compensation: Vec<&TemperaturePolynomial> =
         found.records.iter().flat_map(|record| &record.compensation).collect();
@@ -1033,6 +1046,19 @@ mod tests {
             probability: 0.95,
             coverage_factor,
             expanded_uncertainty: coverage_factor * standard_uncertainty,
+        }
+    }
+
+    #[test]
+    fn an_expanded_uncertainty_has_two_digits_and_its_value_the_same_place() {
+        for (value, expanded, shown) in [
+            (1.013_689, 0.000_144_3, ["1.01369", "0.00014"]),
+            (2.0, 0.0996, ["2.00", "0.10"]),
+            (1_234_567.0, 12_345.0, ["1235000", "12000"]),
+            (-37.26, 12.4, ["-37", "12"]),
+            (5.5, 0.0, ["5.500000", "0.000000"]),
+        ] {
+            assert_eq!(with_uncertainty(value, expanded), shown);
         }
     }
 

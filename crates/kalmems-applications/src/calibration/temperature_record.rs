@@ -59,19 +59,19 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
     outcome.warnings.clone_from(&samples.remarks);
     let order = record.order.map_or(ORDER, usize::from);
     let (low, high) = samples
-        .further
+        .further()
         .iter()
         .filter(|t| t.is_finite())
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), t| (low.min(*t), high.max(*t)));
     let reference = record.reference.as_ref().map_or(0.5 * (low + high), Quantity::si);
-    for (sensor, all) in [(Sensor::Gyroscope, &samples.rates), (Sensor::Accelerometer, &samples.forces)] {
+    for (sensor, all) in [(Sensor::Gyroscope, samples.rates()), (Sensor::Accelerometer, samples.forces())] {
         for (axis, values) in AXES.into_iter().zip(all) {
             let Some(values) = values else { continue };
             let cycle = Cycle { samples: &samples, sensor, axis, reference, range: [low, high], order };
             cycle.measure(&mut outcome, values)?;
         }
     }
-    if samples.forces.iter().any(Option::is_some) {
+    if samples.forces().iter().any(Option::is_some) {
         outcome.not_observed.push(
             "bias and scale factor of an accelerometer apart: what it shows at rest has gravity times its scale factor in it, in one position".to_owned(),
         );
@@ -182,7 +182,7 @@ impl Cycle<'_> {
             let starts = (stretch.start..=stretch.end.saturating_sub(length)).step_by(length);
             for start in starts.filter(|start| start + length <= stretch.end) {
                 let block =
-                    Block { temperature: part(&self.samples.further, start), value: part(values, start) };
+                    Block { temperature: part(self.samples.further(), start), value: part(values, start) };
                 if block.temperature.is_finite() && block.value.is_finite() {
                     blocks.push(block);
                 }

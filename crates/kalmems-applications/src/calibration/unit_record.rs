@@ -36,12 +36,10 @@ pub(super) struct UnitSamples {
     pub place: String,
     pub recording: SampledRecording,
     pub time: RecordTime,
-    /// The gyroscopes' rates in rad/s of all rows, axis by axis.
-    pub rates: [Option<Vec<f64>>; 3],
-    /// The accelerometers' specific forces in m/s².
-    pub forces: [Option<Vec<f64>>; 3],
-    /// The further column in SI.
-    pub further: Vec<f64>,
+    /// The columns of the gyroscopes and of the accelerometers, axis by axis, and the further one.
+    rates: [Option<String>; 3],
+    forces: [Option<String>; 3],
+    further: Option<String>,
     /// What a reader has to know of the times, in sentences.
     pub remarks: Vec<String>,
 }
@@ -83,14 +81,18 @@ impl<'a> RecordOfUnit<'a> {
             let mut axes = [None, None, None];
             for (axis, slot) in AXES.iter().zip(&mut axes) {
                 if let Some(column) = channels.and_then(|channels| channels.column(axis)) {
-                    *slot = Some(recording.column_of(column, kind)?.values.clone());
+                    recording.column_of(column, kind)?;
+                    *slot = Some(column.to_owned());
                 }
             }
             Ok(axes)
         };
         let further = match self.further {
-            Some((_, column, kind)) => recording.column_of(column.name(), kind)?.values.clone(),
-            None => Vec::new(),
+            Some((_, column, kind)) => {
+                recording.column_of(column.name(), kind)?;
+                Some(column.name().to_owned())
+            }
+            None => None,
         };
         Ok(UnitSamples {
             place: path.display().to_string(),
@@ -105,6 +107,25 @@ impl<'a> RecordOfUnit<'a> {
 }
 
 impl UnitSamples {
+    fn values(&self, column: Option<&String>) -> Option<&[f64]> {
+        Some(&self.recording.column(column?).ok()?.values)
+    }
+
+    /// The gyroscopes' rates in rad/s of all rows, axis by axis.
+    pub fn rates(&self) -> [Option<&[f64]>; 3] {
+        self.rates.each_ref().map(|column| self.values(column.as_ref()))
+    }
+
+    /// The accelerometers' specific forces in m/s².
+    pub fn forces(&self) -> [Option<&[f64]>; 3] {
+        self.forces.each_ref().map(|column| self.values(column.as_ref()))
+    }
+
+    /// The further column in SI.
+    pub fn further(&self) -> &[f64] {
+        self.values(self.further.as_ref()).unwrap_or_default()
+    }
+
     /// The time of a row in s.
     pub fn time_s(&self, row: usize) -> f64 {
         let segment = self.recording.segments().iter().find(|segment| segment.rows.contains(&row));

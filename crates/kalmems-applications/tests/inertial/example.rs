@@ -2,11 +2,13 @@
 
 use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::{
-    Calibration, CalibrationSummary, Certificate, GyroscopeCalibration, Sensor, calibrate,
+    Calibration, CalibrationSummary, Certificate, GyroscopeCalibration, Sensor, calibrate, write_calibration,
 };
 use kalmems_engines::progress::Silent;
+use kalmems_store::{Output, RunInfo, Work};
 use serde_json::Value;
 use std::path::Path;
+use std::time::{Duration, SystemTime};
 
 fn folder(name: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
@@ -89,4 +91,34 @@ fn the_table_and_the_cycle_agree_with_numpy_and_with_the_truth() {
         }
     }
     assert!(all == 11 && held >= 9, "{held} of {all}");
+}
+
+/// What Kalibr reads: the noise that the Python program put in, to the interval of the fit.
+#[test]
+fn the_noise_at_rest_is_written_as_a_unit_file_of_kalibr() {
+    let (found, independent) = (calibrated("unit.toml"), independent());
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let output = Output::begin(&out, &Work::named("calibrate gyro", "unit")).unwrap();
+    write_calibration(&found, &output, RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO })
+        .unwrap();
+    output.commit().unwrap();
+    let yaml = std::fs::read_to_string(out.join("imu.yaml")).unwrap();
+    let value = |key: &str| -> f64 {
+        let line = yaml.lines().find(|line| line.starts_with(key)).unwrap();
+        line.split(&[':', '#'][..]).nth(1).unwrap().trim().parse().unwrap()
+    };
+    for (key, name, within) in [
+        ("accelerometer_noise_density", "velocity random walk", 0.05),
+        ("gyroscope_noise_density", "angle random walk", 0.05),
+        ("accelerometer_random_walk", "acceleration random walk", 0.5),
+    ] {
+        let put_in = independent["rest"][name].as_f64().unwrap();
+        assert!((value(key) / put_in - 1.0).abs() < within, "{key}: {yaml}");
+    }
+    assert!(value("gyroscope_random_walk") > 0.0 && (value("update_rate") - 50.0).abs() < 1e-9, "{yaml}");
+    let figures = ["allan.svg", "density.svg", "positions.svg"];
+    let there = std::fs::read_dir(out.join("figures")).unwrap().map(|entry| entry.unwrap().file_name());
+    let there: Vec<String> = there.map(|name| name.into_string().unwrap()).collect();
+    assert!(figures.iter().all(|figure| there.iter().any(|name| name == figure)), "{there:?}");
 }

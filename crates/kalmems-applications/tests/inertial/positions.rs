@@ -121,6 +121,25 @@ fn the_uncertainty_of_gravity_is_that_of_the_scale_factors() {
     assert!(own.uncertainty > 4.2e-6 && own.by_records < own.uncertainty, "{own:?}");
 }
 
+/// A unit without gyroscopes: the same nine numbers of the accelerometers, to the last bit but for what is taken as still.
+#[test]
+fn accelerometers_alone_are_calibrated_without_gyroscopes() {
+    let channels = "channels = { x = \"gx_rad_per_s\", y = \"gy_rad_per_s\", z = \"gz_rad_per_s\" }\n";
+    let [alone, both] = [FILE.replace(channels, ""), FILE.to_owned()]
+        .map(|text| calibrated(&UNIT, &TURNS, 8, &text).unwrap());
+    assert_eq!(record(&alone).quantities.len(), 9);
+    for quantity in &record(&alone).quantities {
+        let other = record(&both).estimate(&quantity.name).unwrap();
+        let apart = (quantity.estimate.value - other.value).abs() / other.uncertainty;
+        assert!(apart < 0.5, "{quantity:?} {other:?}");
+    }
+    let missing =
+        FILE.replace(channels, "") + "[[condition]]\nname = \"c\"\nfile = \"c.csv\"\nreference = []\n";
+    let said =
+        GyroscopeCalibration::parse(&missing, std::path::Path::new("unit.toml")).unwrap_err().to_string();
+    assert!(said.contains("only a unit of accelerometers that is not shaken has none"), "{said}");
+}
+
 #[test]
 fn exchanged_and_turned_axes_are_named_and_not_certified() {
     for (from, to, named) in [
