@@ -5,7 +5,7 @@
 use super::comparison::ReferenceComparison;
 use super::inputs::{OF_REPEATABILITY, OF_REPRODUCIBILITY};
 use super::outcome::{CalibratedGyroscope, Calibration, CrossCheck, UncertainEstimate};
-use super::quantities::{CalibratedQuantity, CertificateCheck, QuantityUnit};
+use super::quantities::{CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome};
 use super::rest::{BiasMethod, Sensor};
 use super::results::{at_rest, budget, comparisons, matrix, with_uncertainty};
 use super::tone::AXES;
@@ -125,7 +125,9 @@ pub struct CertifiedBias {
 /// A number of a record of another kind.
 #[derive(Clone, Debug, Serialize)]
 pub struct CertifiedQuantity<'a> {
-    /// Its name.
+    /// The record, such as `Positions` or `Rates: z`.
+    pub record: &'a str,
+    /// Its name, unique in the record.
     pub name: &'a str,
     /// The unit.
     pub unit: &'a str,
@@ -213,8 +215,12 @@ impl<'a> Certificate<'a> {
             quantities: found
                 .records
                 .iter()
-                .flat_map(|record| &record.quantities)
-                .map(|quantity| certified_quantity(quantity, details))
+                .flat_map(|record| {
+                    record
+                        .quantities
+                        .iter()
+                        .map(move |quantity| certified_quantity(record, quantity, details))
+                })
                 .collect(),
             comparisons: &found.comparisons,
             valid: validity.iter().all(|check| check.passes) && not_stated.is_empty(),
@@ -227,10 +233,12 @@ impl<'a> Certificate<'a> {
 }
 
 fn certified_quantity<'a>(
+    record: &'a RecordOutcome,
     quantity: &'a CalibratedQuantity,
     details: &CertificateDetails,
 ) -> CertifiedQuantity<'a> {
     CertifiedQuantity {
+        record: &record.title,
         name: &quantity.name,
         unit: quantity.unit.unit,
         value: CertifiedValue::of(&quantity.estimate, details),
@@ -566,6 +574,7 @@ fn heading(key: &str) -> &str {
 /// Biases at rest, and the numbers of records of other kinds.
 fn quantities_table(certificate: &Certificate) -> TextTable {
     let columns = [
+        ColumnHead::text("record"),
         ColumnHead::text("quantity"),
         ColumnHead::number("value", ""),
         ColumnHead::number("U", ""),
@@ -578,14 +587,15 @@ fn quantities_table(certificate: &Certificate) -> TextTable {
     let biases = certificate
         .bias
         .iter()
-        .map(|bias| (format!("gyroscope bias {}", bias.axis), QuantityUnit::rate(), bias.bias));
+        .map(|bias| ("At rest", format!("gyroscope bias {}", bias.axis), QuantityUnit::rate(), bias.bias));
     let others = certificate
         .quantities
         .iter()
-        .map(|quantity| (quantity.name.replace('_', " "), quantity.shown, quantity.value));
-    for (name, unit, value) in biases.chain(others) {
+        .map(|quantity| (quantity.record, quantity.name.replace('_', " "), quantity.shown, quantity.value));
+    for (record, name, unit, value) in biases.chain(others) {
         let [number, expanded] = value.reported(unit.factor);
         table.push([
+            record.to_owned(),
             name,
             number,
             expanded,
