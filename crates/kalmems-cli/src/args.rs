@@ -205,7 +205,7 @@ pub struct CalibrateArguments {
 /// What can be calibrated.
 #[derive(Subcommand)]
 pub enum CalibrationSubject {
-    /// A gyroscope: scale factor, cross-axis terms, bias, uncertainty budget; Allan deviations of a record at rest.
+    /// Gyroscopes and accelerometers by vibration, positions, a rate table, over the temperature and at rest, with uncertainty budgets.
     Gyro(GyroArguments),
 }
 

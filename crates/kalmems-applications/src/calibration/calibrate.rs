@@ -13,8 +13,12 @@ use super::outcome::{
     ScaleFactorChange, UncertainEstimate,
 };
 use super::peaks::{HALF_WINDOW, PeakToPeak};
-use super::rest::AxisAtRest;
+use super::positions_record;
+use super::quantities::RecordOutcome;
+use super::rates_record;
+use super::rest::{AxisAtRest, Sensor};
 use super::rest_record::{self, MeasuredRest};
+use super::temperature_record;
 use super::tone::{AXES, VibrationTone};
 use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference};
 use crate::config::Key;
@@ -63,6 +67,12 @@ pub fn calibrate(
         }
     }
     let MeasuredRest { axes: rest, motions, remarks } = rest_record::measure(&mut files)?;
+    let mut records: Vec<RecordOutcome> = positions_record::measure(&mut files)?.into_iter().collect();
+    let rates = rates_record::measure(&mut files)?;
+    let over_temperature = temperature_record::of_rates(file, &rates)?;
+    records.extend(rates);
+    records.extend(over_temperature);
+    records.extend(temperature_record::measure(&mut files)?);
     let NamedFiles { sources, findings, .. } = files.named;
     let findings = findings.into_iter().map(|(file, finding)| format!("{file}: {finding}"));
     let comparisons = compared_references(&results);
@@ -85,6 +95,7 @@ pub fn calibrate(
         results,
         rest,
         rest_motions: motions,
+        records,
         sources,
         findings,
     })
@@ -96,7 +107,8 @@ const DIFFERENT: f64 = 0.999;
 /// Axes whose bias under vibration is not that at rest.
 fn differing_biases(results: &[CalibratedGyroscope], rest: &[AxisAtRest]) -> Vec<String> {
     let of_result = |result: &CalibratedGyroscope| -> Vec<String> {
-        let each = rest.iter().filter_map(|rest| {
+        let gyroscopes = rest.iter().filter(|rest| rest.sensor == Sensor::Gyroscope);
+        let each = gyroscopes.filter_map(|rest| {
             let place = AXES.iter().position(|axis| *axis == rest.axis)?;
             let (shaken, still) = (result.bias[place]?, rest.bias_estimate());
             let difference = shaken.value - still.value;
@@ -360,7 +372,9 @@ impl ReferenceCalibration<'_> {
         CalibrationError::NoCommonAxis {
             condition: self.condition.name.to_string(),
             reference: self.reference.name.to_string(),
-            shown: list(&|axis| self.file.gyroscope.channels.column(AXES[axis]).is_some()),
+            shown: list(&|axis| {
+                self.file.gyroscope.channels.as_ref().is_some_and(|c| c.column(AXES[axis]).is_some())
+            }),
             known: list(&|axis| axes_of_reference[axis]),
         }
     }

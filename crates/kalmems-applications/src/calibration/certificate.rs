@@ -5,10 +5,12 @@
 use super::comparison::ReferenceComparison;
 use super::inputs::{OF_REPEATABILITY, OF_REPRODUCIBILITY};
 use super::outcome::{CalibratedGyroscope, Calibration, CrossCheck, UncertainEstimate};
-use super::rest::BiasMethod;
+use super::quantities::{CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome};
+use super::rest::{BiasMethod, Sensor};
 use super::results::{at_rest, budget, comparisons, matrix, with_uncertainty};
 use super::tone::AXES;
-use crate::metrology::Input;
+use crate::calibration::file::CertificateDetails;
+use crate::metrology::{Input, coverage_probability};
 use crate::recording::RecordingSource;
 use kalmems_engines::topics::link;
 use kalmems_figures::{ColumnHead, Figure, NoticeSeverity, Page, PageSection, TextTable};
@@ -32,6 +34,8 @@ pub struct Certificate<'a> {
     pub results: Vec<CertifiedResult<'a>>,
     /// The bias at rest of each axis, in rad/s.
     pub bias: Vec<CertifiedBias>,
+    /// The numbers of records of other kinds, such as that of positions.
+    pub quantities: Vec<CertifiedQuantity<'a>>,
     /// Whether the references agree.
     pub comparisons: &'a [ReferenceComparison],
     /// Whether the model holds for the records, check by check.
@@ -53,7 +57,7 @@ pub struct CertifiedResult<'a> {
     pub condition: &'a str,
     /// Its temperature in K.
     pub temperature_k: Option<f64>,
-    /// Against what.
+    /// The reference.
     pub reference: &'a str,
     /// What that is, as the operator states it.
     pub instrument: Option<&'a str>,
@@ -118,27 +122,49 @@ pub struct CertifiedBias {
     pub bias: CertifiedValue,
 }
 
-/// A check of the model.
+/// A number of a record of another kind.
 #[derive(Clone, Debug, Serialize)]
-pub struct CertificateCheck {
-    /// What is looked at.
-    pub what: String,
-    /// Whether it passes.
-    pub passes: bool,
-    /// What was found.
-    pub found: String,
+pub struct CertifiedQuantity<'a> {
+    /// The record, such as `Positions` or `Rates: z`.
+    pub record: &'a str,
+    /// Its name, unique in the record.
+    pub name: &'a str,
+    /// The unit.
+    pub unit: &'a str,
+    /// The number.
+    #[serde(flatten)]
+    pub value: CertifiedValue,
+    /// How a table shows it.
+    #[serde(skip)]
+    shown: QuantityUnit,
 }
 
 impl CertifiedValue {
-    fn of(found: &UncertainEstimate) -> Self {
+    /// With the coverage factor for 95 %, or with one that the operator wants.
+    fn of(found: &UncertainEstimate, details: &CertificateDetails) -> Self {
+        let wanted = details.coverage_factor.map(f64::from);
+        let coverage_factor = wanted.unwrap_or(found.coverage_factor);
+        let expanded_uncertainty = coverage_factor * found.uncertainty;
         Self {
             value: found.value,
             standard_uncertainty: found.uncertainty,
             degrees_of_freedom: found.degrees_of_freedom.is_finite().then_some(found.degrees_of_freedom),
-            coverage_factor: found.coverage_factor,
-            expanded_uncertainty: found.expanded(),
-            coverage_probability: super::inputs::PROBABILITY,
+            coverage_factor,
+            expanded_uncertainty,
+            coverage_probability: wanted.map_or(super::inputs::PROBABILITY, |factor| {
+                coverage_probability(factor, found.degrees_of_freedom)
+            }),
         }
+    }
+
+    /// The value and U as they are reported, with two digits of U, in another unit.
+    fn reported(&self, factor: f64) -> [String; 2] {
+        with_uncertainty(factor * self.value, factor * self.expanded_uncertainty)
+    }
+
+    /// Degrees of freedom as they are reported.
+    fn reported_freedom(&self) -> String {
+        self.degrees_of_freedom.filter(|nu| *nu < 1e6).map_or_else(|| "∞".to_owned(), |nu| format!("{nu:.0}"))
     }
 }
 
@@ -171,10 +197,13 @@ impl<'a> Certificate<'a> {
                 not_stated.push(place("uncertainty.alignment"));
             }
         }
-        let bias = found
-            .rest
-            .iter()
-            .map(|rest| CertifiedBias { axis: rest.axis, bias: CertifiedValue::of(&rest.bias_estimate()) });
+        not_stated.extend(found.records.iter().flat_map(|record| record.not_stated.iter().cloned()));
+        // The mean of an accelerometer at rest has gravity in it and is no bias.
+        let gyroscopes = found.rest.iter().filter(|rest| rest.sensor == Sensor::Gyroscope);
+        let bias = gyroscopes.map(|rest| CertifiedBias {
+            axis: rest.axis,
+            bias: CertifiedValue::of(&rest.bias_estimate(), details),
+        });
         let validity = validity(found);
         Self {
             schema_version: SCHEMA_VERSION,
@@ -183,6 +212,16 @@ impl<'a> Certificate<'a> {
             method: method(found),
             results,
             bias: bias.collect(),
+            quantities: found
+                .records
+                .iter()
+                .flat_map(|record| {
+                    record
+                        .quantities
+                        .iter()
+                        .map(move |quantity| certified_quantity(record, quantity, details))
+                })
+                .collect(),
             comparisons: &found.comparisons,
             valid: validity.iter().all(|check| check.passes) && not_stated.is_empty(),
             validity,
@@ -193,7 +232,22 @@ impl<'a> Certificate<'a> {
     }
 }
 
+fn certified_quantity<'a>(
+    record: &'a RecordOutcome,
+    quantity: &'a CalibratedQuantity,
+    details: &CertificateDetails,
+) -> CertifiedQuantity<'a> {
+    CertifiedQuantity {
+        record: &record.title,
+        name: &quantity.name,
+        unit: quantity.unit.unit,
+        value: CertifiedValue::of(&quantity.estimate, details),
+        shown: quantity.unit,
+    }
+}
+
 fn certified<'a>(found: &'a Calibration, result: &'a CalibratedGyroscope) -> CertifiedResult<'a> {
+    let details = &found.file.certificate;
     let conditions =
         found.file.conditions.iter().filter(|condition| condition.name.as_str() == result.condition);
     let mut references = conditions.flat_map(|condition| &condition.references);
@@ -207,7 +261,7 @@ fn certified<'a>(found: &'a Calibration, result: &'a CalibratedGyroscope) -> Cer
             if i != j && !has_alignment {
                 not_certified.push(name(i, j));
             } else if (i, j) != (result.main, result.main) {
-                entries.push((name(i, j), CertifiedValue::of(&entry)));
+                entries.push((name(i, j), CertifiedValue::of(&entry, details)));
             }
         }
     }
@@ -223,13 +277,13 @@ fn certified<'a>(found: &'a Calibration, result: &'a CalibratedGyroscope) -> Cer
         instrument: reference.and_then(|reference| reference.instrument.as_deref()),
         traceability: reference.and_then(|reference| reference.traceability.as_deref()),
         axis: AXES[result.main],
-        scale_factor: result.withheld.is_none().then(|| CertifiedValue::of(&result.scale_factor)),
+        scale_factor: result.withheld.is_none().then(|| CertifiedValue::of(&result.scale_factor, details)),
         by_frequency: result
             .by_frequency
             .iter()
             .map(|at| CertifiedFrequency {
                 frequency_hz: at.frequency_hz,
-                scale_factor: CertifiedValue::of(&at.scale_factor),
+                scale_factor: CertifiedValue::of(&at.scale_factor, details),
             })
             .collect(),
         entries,
@@ -271,7 +325,8 @@ fn method(found: &Calibration) -> String {
     if !found.results.is_empty() {
         method += " The sign of a scale factor is not determined.";
     }
-    let by = |method| found.rest.iter().any(|rest| rest.bias_method == method);
+    let by =
+        |method| found.rest.iter().any(|rest| rest.sensor == Sensor::Gyroscope && rest.bias_method == method);
     if by(BiasMethod::NoiseFit) {
         method += " The bias is the mean of a record at rest; its standard uncertainty is Allan's deviation at the length of the record by the noise \
                    that was fitted to Allan's variances, with the degrees of freedom of the variance at an eighth of the record.";
@@ -279,6 +334,9 @@ fn method(found: &Calibration) -> String {
     if by(BiasMethod::MeansOfPieces) {
         method += " The bias is the mean of a record at rest whose noise could not be fitted; its uncertainty is that of the means of eight pieces, \
                    which is right for noise that is white beyond an eighth of the record.";
+    }
+    for record in &found.records {
+        method += &format!(" {}", record.method);
     }
     method.trim_start().to_owned()
 }
@@ -344,6 +402,7 @@ fn validity(found: &Calibration) -> Vec<CertificateCheck> {
             },
         });
     }
+    checks.extend(found.records.iter().flat_map(|record| record.checks.iter().cloned()));
     checks.extend(found.comparisons.iter().map(|comparison| CertificateCheck {
         what: format!(
             "condition `{}`: {} and {} agree",
@@ -369,8 +428,9 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
     };
     let mut page = Page::new(title, found.file.description.clone().unwrap_or_default());
     let entries = certificate.stated.iter().filter(|(key, _)| *key != "number");
-    let entries = entries.map(|(key, text)| ((*key).to_owned(), text.unwrap_or("not stated").to_owned()));
-    let mut what = PageSection::new("What was calibrated").key_values(entries);
+    let entries =
+        entries.map(|(key, text)| (heading(key).to_owned(), text.unwrap_or("not stated").to_owned()));
+    let mut what = PageSection::new("Item, customer and laboratory").key_values(entries);
     if !certificate.not_stated.is_empty() {
         let missing = certificate.not_stated.join(", ");
         what = what
@@ -391,13 +451,23 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
         }
     }
     page = page.with(what);
+    let words = uncertainty_words(&found.file.certificate);
     if !certificate.results.is_empty() {
-        page = page.with(PageSection::new("Result").table(result_table(certificate)).paragraph(format!(
-            "The expanded uncertainty U is the standard uncertainty times the coverage factor k of the t distribution with the effective degrees \
-             of freedom, for a coverage probability of {:.0} %.",
-            100.0 * super::inputs::PROBABILITY
-        )));
-        page = page.with(PageSection::new("Reference standards").table(references_table(certificate)));
+        page = page.with(
+            PageSection::new("Results of measurement")
+                .table(result_table(certificate))
+                .paragraph(words.clone()),
+        );
+        page = page.with(
+            PageSection::new("Reference standards and traceability").table(references_table(certificate)),
+        );
+    }
+    if !certificate.bias.is_empty() || !certificate.quantities.is_empty() {
+        page = page.with(
+            PageSection::new("Results of measurement: bias and numbers of the unit")
+                .table(quantities_table(certificate))
+                .paragraph(words),
+        );
     }
     if !found.rest.is_empty() {
         let rests: Vec<_> = found.rest.iter().collect();
@@ -419,7 +489,7 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
         }
         page = page.with(section);
     }
-    let mut valid = PageSection::new("Validity of the model");
+    let mut valid = PageSection::new("Checks of the model of measurement");
     if !certificate.comparisons.is_empty() {
         valid = valid.table(comparisons(certificate.comparisons));
     }
@@ -437,6 +507,9 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
             valid = valid.notice(NoticeSeverity::Note, format!("Not observed: {line}"));
         }
     }
+    for line in found.records.iter().flat_map(|record| &record.not_observed) {
+        valid = valid.notice(NoticeSeverity::Note, format!("Not observed: {line}"));
+    }
     for finding in &found.findings {
         valid = valid.notice(NoticeSeverity::Note, finding.clone());
     }
@@ -448,11 +521,91 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
         }
         page = page.with(section);
     }
-    page.with(PageSection::new("Records").table(files_table(certificate)).paragraph(format!(
-        "Computed by {}. The same files give the same certificate to the last byte; the uncertainty holds for the conditions, frequencies and \
-         rates that are stated here, at the time of calibration.",
+    page = page.with(PageSection::new("Records").table(files_table(certificate)).paragraph(format!(
+        "Computed by {}. The same files give the same certificate to the last byte.",
         certificate.software
-    )))
+    )));
+    page.with(PageSection::new("Statements and authorisation").paragraph(STATEMENT).key_values([
+        ("Authorised by (name, function)", ""),
+        ("Signature", ""),
+        ("Date", ""),
+    ]))
+}
+
+/// ISO/IEC 17025, 7.8.2.1.
+const STATEMENT: &str = "The results relate only to the item that was calibrated, in the state and under the conditions that are stated here, at the time of the \
+    calibration. This certificate may be reproduced in full only, unless the laboratory approves otherwise in writing. Without a signature it is not issued. \
+    End of the certificate.";
+
+/// How an expanded uncertainty was formed (JCGM 100, 7.2.3).
+fn uncertainty_words(details: &CertificateDetails) -> String {
+    let how = match details.coverage_factor {
+        Some(factor) => format!(
+            "multiplied by the coverage factor k = {factor}; the coverage probability follows from k and the effective degrees of freedom ν"
+        ),
+        None => format!(
+            "multiplied by the coverage factor k of the t distribution with the effective degrees of freedom ν, for a coverage probability of {:.0} %",
+            100.0 * super::inputs::PROBABILITY
+        ),
+    };
+    format!(
+        "The reported expanded uncertainty of measurement U is the standard uncertainty of measurement {how}. It was evaluated as in JCGM 100:2008 and is \
+         rounded to two digits, the value to the same place."
+    )
+}
+
+/// An entry of the certificate by its key in the calibration file.
+fn heading(key: &str) -> &str {
+    match key {
+        "item" => "Item: maker, type, serial number",
+        "customer" => "Customer",
+        "laboratory" => "Laboratory, place of the calibration",
+        "operator" => "Calibrated by",
+        "received" => "Date of receipt",
+        "date" => "Date of calibration",
+        "issued" => "Date of issue",
+        "state" => "State of the item: as found or as left",
+        "conditions" => "Ambient conditions",
+        "traceability" => "Metrological traceability",
+        other => other,
+    }
+}
+
+/// Biases at rest, and the numbers of records of other kinds.
+fn quantities_table(certificate: &Certificate) -> TextTable {
+    let columns = [
+        ColumnHead::text("record"),
+        ColumnHead::text("quantity"),
+        ColumnHead::number("value", ""),
+        ColumnHead::number("U", ""),
+        ColumnHead::text("unit"),
+        ColumnHead::number("k", ""),
+        ColumnHead::number("ν", ""),
+        ColumnHead::number("coverage probability", "%"),
+    ];
+    let mut table = TextTable::new("Results with expanded uncertainties", columns);
+    let biases = certificate
+        .bias
+        .iter()
+        .map(|bias| ("At rest", format!("gyroscope bias {}", bias.axis), QuantityUnit::rate(), bias.bias));
+    let others = certificate
+        .quantities
+        .iter()
+        .map(|quantity| (quantity.record, quantity.name.replace('_', " "), quantity.shown, quantity.value));
+    for (record, name, unit, value) in biases.chain(others) {
+        let [number, expanded] = value.reported(unit.factor);
+        table.push([
+            record.to_owned(),
+            name,
+            number,
+            expanded,
+            unit.shown.to_owned(),
+            format!("{:.2}", value.coverage_factor),
+            value.reported_freedom(),
+            format!("{:.1}", 100.0 * value.coverage_probability),
+        ]);
+    }
+    table
 }
 
 fn result_table(certificate: &Certificate) -> TextTable {
@@ -483,7 +636,7 @@ fn result_table(certificate: &Certificate) -> TextTable {
         let [low, high] = result.frequency_hz;
         let [slow, fast] = result.rate_rad_per_s;
         for (name, value) in own.chain(each).chain(others) {
-            let [number, expanded] = with_uncertainty(value.value, value.expanded_uncertainty);
+            let [number, expanded] = value.reported(1.0);
             table.push([
                 result.condition.to_owned(),
                 result.reference.to_owned(),
@@ -491,10 +644,7 @@ fn result_table(certificate: &Certificate) -> TextTable {
                 number,
                 expanded,
                 format!("{:.2}", value.coverage_factor),
-                value
-                    .degrees_of_freedom
-                    .filter(|nu| *nu < 1e6)
-                    .map_or_else(|| "∞".to_owned(), |nu| format!("{nu:.0}")),
+                value.reported_freedom(),
                 if format!("{low:.1}") == format!("{high:.1}") {
                     format!("{low:.1} Hz")
                 } else {

@@ -62,7 +62,7 @@ pub enum CalibrationError {
     /// A record has no partner.
     #[error("{place} has no record `{record}`; it has {}; name those that both have in `records`", known.join(", "))]
     NoRecord {
-        /// The file.
+        /// The record, as the calibration file names it.
         place: String,
         /// The record.
         record: String,
@@ -100,6 +100,48 @@ pub enum CalibrationError {
          nothing of its uncertainty: leave `[monte_carlo]` out, or take records with more motion"
     )]
     Trials,
+    /// A record of positions has too few of them.
+    #[error(
+        "{place}: found {found} positions in which the unit is still for {shortest_s} s or longer; expected at least {expected}, in directions that \
+         differ: rest longer in each, or state a shorter time as `positions.shortest`"
+    )]
+    Positions {
+        /// The record, as the calibration file names it.
+        place: String,
+        /// How many were found.
+        found: usize,
+        /// The fewest that suffice.
+        expected: usize,
+        /// The shortest position in s.
+        shortest_s: f64,
+    },
+    /// The equations of a record cannot be solved.
+    #[error("{place}: the record gives no solution: {fault}; take one with rests or rates that differ more")]
+    RecordFit {
+        /// The record, as the calibration file names it.
+        place: String,
+        /// What is wrong.
+        fault: FitError,
+    },
+    /// A record on a rate table has too few steps.
+    #[error(
+        "{place}: found {found} parts of {shortest_s} s or longer in which the table turns at a constant rate, with {rates} different rates; expected at \
+         least {expected} with {expected_rates} rates of both signs: hold each rate longer, or state a shorter time as `shortest`"
+    )]
+    Steps {
+        /// The record, as the calibration file names it.
+        place: String,
+        /// How many were found.
+        found: usize,
+        /// Rates that differ.
+        rates: usize,
+        /// The fewest that suffice.
+        expected: usize,
+        /// Rates that it takes.
+        expected_rates: usize,
+        /// The shortest step in s.
+        shortest_s: f64,
+    },
     /// The record at rest is too short.
     #[error("{place}: found {samples} samples with a number; expected at least 64 without motion")]
     Rest {

@@ -1,17 +1,19 @@
 //! The calibration file of a gyroscope: its records, the motions that they are compared with, and a record at rest.
 
 use super::inputs::OF_REPRODUCIBILITY;
+use super::unit_record::RecordOfUnit;
 use crate::ApplicationFile;
 use crate::config::FileColumns;
 use crate::config::FileFormat;
 use crate::config::Quantity;
 use crate::config::Source;
 use crate::config::Vibrometer;
-use crate::config::kinds::{Angle, AngularRate, Frequency, Ratio, Temperature};
+use crate::config::kinds::{Acceleration, Angle, AngularRate, Frequency, Ratio, Temperature, Time};
 use crate::config::{Channels, Clock, ColumnChoice, ConfigError, ConfigFault, Key, Name, Segments};
 use crate::config::{NotNegative, Positive};
 use crate::metrology::{StandardUncertainty, StatedCorrelations};
 use crate::recording::RecordingLayout;
+use crate::units::kind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -25,7 +27,7 @@ const RECORD: &str = "{record}";
 /// Two are equal if they say the same, whatever file they came from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(extend("anyOf" = [{ "required": ["condition"] }, { "required": ["rest"] }]))]
+#[schemars(extend("anyOf" = [{ "required": ["condition"] }, { "required": ["rest"] }, { "required": ["positions"] }, { "required": ["rates"] }, { "required": ["temperature"] }]))]
 pub struct GyroscopeCalibration {
     /// A name; results go to a folder of this name unless another is given.
     pub name: Name,
@@ -40,6 +42,15 @@ pub struct GyroscopeCalibration {
     /// A record without motion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rest: Option<RestRecord>,
+    /// A record of several positions with motions between them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub positions: Option<PositionsRecord>,
+    /// Records on a rate table that turns at one rate after the other.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rates: Vec<RatesRecord>,
+    /// A record at rest during a cycle of temperature.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<TemperatureRecord>,
     /// What a certificate states and no record tells.
     #[serde(default, skip_serializing_if = "CertificateDetails::is_empty")]
     pub certificate: CertificateDetails,
@@ -63,22 +74,38 @@ pub struct CertificateDetails {
     /// For whom.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub customer: Option<String>,
-    /// Who calibrated it, and where.
+    /// Who calibrated it, and where: name and address.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub laboratory: Option<String>,
     /// Who answers for it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub operator: Option<String>,
+    /// When the laboratory received it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"2026-11-20")]
+    pub received: Option<String>,
     /// When it was calibrated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"2026-11-25")]
     pub date: Option<String>,
+    /// When the certificate was issued.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"2026-11-26")]
+    pub issued: Option<String>,
+    /// Whether the results are as found or as left after an adjustment, and where the other ones are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"as found; not adjusted")]
+    pub state: Option<String>,
     /// Conditions that no record tells: pressure, humidity, supply, settling time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub conditions: Option<String>,
     /// To which standards the references are traceable, and by which certificates.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub traceability: Option<String>,
+    /// A coverage factor that is wanted instead of that for 95 %, such as 2; the coverage probability then follows from it and the degrees of freedom.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 3))]
+    pub coverage_factor: Option<u8>,
 }
 
 impl CertificateDetails {
@@ -87,14 +114,17 @@ impl CertificateDetails {
     }
 
     /// Each key with what is stated.
-    pub fn entries(&self) -> [(&'static str, Option<&str>); 8] {
+    pub fn entries(&self) -> [(&'static str, Option<&str>); 11] {
         [
             ("number", self.number.as_deref()),
             ("item", self.item.as_deref()),
             ("customer", self.customer.as_deref()),
             ("laboratory", self.laboratory.as_deref()),
             ("operator", self.operator.as_deref()),
+            ("received", self.received.as_deref()),
             ("date", self.date.as_deref()),
+            ("issued", self.issued.as_deref()),
+            ("state", self.state.as_deref()),
             ("conditions", self.conditions.as_deref()),
             ("traceability", self.traceability.as_deref()),
         ]
@@ -130,9 +160,10 @@ pub struct InertialUnit {
     /// against it where it is stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock_tolerance: Option<Quantity<Ratio, NotNegative>>,
-    /// Its columns by axis, such as `{ y = "gyro_rad_per_s" }`; the axes are those of the references.
-    pub channels: Channels,
-    /// The columns of the accelerometers by axis, in the same file, for the centre of rotation.
+    /// Its columns by axis, such as `{ y = "gyro_rad_per_s" }`; the axes are those of the references. A unit of accelerometers alone has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub channels: Option<Channels>,
+    /// The columns of the accelerometers by axis, in the same file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub accelerometers: Option<Channels>,
     /// The largest rate that it can show; what is as large is clipped. Otherwise clipping is seen where a value repeats.
@@ -257,9 +288,141 @@ pub struct RestRecord {
     /// its `clock_tolerance`, where that is stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock: Option<Clock>,
-    /// Its columns by axis; those of the gyroscope if left out.
+    /// Its columns by axis. If these and those of the accelerometers are left out, they are those of the gyroscope.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub channels: Option<Channels>,
+    /// The columns of the accelerometers by axis, whose noise is wanted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accelerometers: Option<Channels>,
+}
+
+/// A record in which the unit rests in many positions one after the other, turned by hand between them. The columns are those of the unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PositionsRecord {
+    /// The file, relative to the calibration file.
+    #[schemars(example = &"positions.csv")]
+    pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// Where the file holds several records: the column that tells them apart. No motion is taken from one to the next.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Segments>,
+    /// When its samples were taken; by the nominal rate if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock: Option<Clock>,
+    /// The magnitude of gravity at the place, such as `"9.81235 m/s^2"`: the reference of the accelerometers' scale factors.
+    pub gravity: Quantity<Acceleration, Positive>,
+    /// How well it is known. It is not in the interval if left out, and the certificate says so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gravity_uncertainty: Option<StandardUncertainty<Acceleration>>,
+    /// The latitude, positive in the north: the vertical part of the Earth's rotation is then taken off the gyroscopes' sensitivity to the
+    /// specific force, from which it cannot be told otherwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub latitude: Option<Quantity<Angle>>,
+    /// How long a position lasts at least; `"1 s"` if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shortest: Option<Quantity<Time, Positive>>,
+}
+
+/// A record on a rate table that turns about one axis of the unit at one constant rate after the other. The columns are those of the unit's gyroscopes
+/// and, in the same file, the rate of the table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RatesRecord {
+    /// A name, unique among these records, such as `z_room`.
+    pub name: Name,
+    /// The file, relative to the calibration file.
+    #[schemars(example = &"rates.csv")]
+    pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// Where the file holds several records: the column that tells them apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Segments>,
+    /// When its samples were taken; by the nominal rate if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock: Option<Clock>,
+    /// The axis of the unit that lies along that of the table: `x`, `y` or `z`. The other gyroscopes show their cross-axis sensitivity.
+    pub axis: TableAxis,
+    /// The column with the rate of the table, as its encoder or its controller gives it.
+    #[schemars(example = &"table_dps")]
+    pub table: ColumnChoice,
+    /// The relative standard uncertainty of that rate. It is not in the interval if left out, and the certificate says so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub table_uncertainty: Option<StandardUncertainty<Ratio>>,
+    /// By what angle the unit's axis may be off that of the table: in full in the cross-axis sensitivities, in second order in the scale factor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alignment: Option<StandardUncertainty<Angle>>,
+    /// The latitude, positive in the north, of a table with a vertical axis and the unit's axis upwards: the vertical part of the Earth's rotation is then
+    /// added to the rate of the table. Otherwise the bias has it, and its interval allows for it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub latitude: Option<Quantity<Angle>>,
+    /// The temperature of the unit. Records of one axis at several temperatures give the scale factor and the bias over the temperature.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<Quantity<Temperature, Positive>>,
+    /// How long the table turns at one rate at least; `"1 s"` if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shortest: Option<Quantity<Time, Positive>>,
+}
+
+/// A record at rest while the temperature rises and falls. The columns are those of the unit and, in the same file, the temperature.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TemperatureRecord {
+    /// The file, relative to the calibration file.
+    #[schemars(example = &"cycle.csv")]
+    pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// Where the file holds several records: the column that tells them apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Segments>,
+    /// When its samples were taken; by the nominal rate if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock: Option<Clock>,
+    /// Its columns by axis. If these and those of the accelerometers are left out, they are those of the gyroscope.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub channels: Option<Channels>,
+    /// The columns of the accelerometers by axis.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accelerometers: Option<Channels>,
+    /// The column with the temperature of the unit.
+    #[schemars(example = &"temperature_K")]
+    pub temperature: ColumnChoice,
+    /// The order of the polynomials, 1 to 4; 2 if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 4))]
+    pub order: Option<u8>,
+    /// The temperature from which the polynomials count; the middle of the record's range if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference: Option<Quantity<Temperature, Positive>>,
+}
+
+/// An axis of the unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TableAxis {
+    /// The first one.
+    X,
+    /// The second one.
+    Y,
+    /// The third one.
+    Z,
+}
+
+impl TableAxis {
+    /// 0 for x.
+    pub const fn index(self) -> usize {
+        match self {
+            Self::X => 0,
+            Self::Y => 1,
+            Self::Z => 2,
+        }
+    }
 }
 
 /// The axes that a channel can be of.
@@ -275,7 +438,15 @@ impl ApplicationFile for GyroscopeCalibration {
     fn check(&self) -> Result<(), ConfigError> {
         let refuse = |key: Key, why: String| Err(self.error(key, ConfigFault::Value { why }));
         let unit = Key::from("gyroscope");
-        self.check_axes(&unit.clone().child("channels"), &self.gyroscope.channels)?;
+        match (&self.gyroscope.channels, self.conditions.is_empty()) {
+            (Some(channels), _) => self.check_axes(&unit.clone().child("channels"), channels)?,
+            (None, true) if self.gyroscope.accelerometers.is_some() => {}
+            (None, _) => {
+                let why = "found no columns; expected those of the gyroscopes by axis, such as `channels = { z = \"gyro_z_rad_per_s\" }`; only a \
+                           unit of accelerometers that is not shaken has none";
+                return refuse(unit.child("channels"), why.to_owned());
+            }
+        }
         if let Some(channels) = &self.gyroscope.accelerometers {
             self.check_axes(&unit.clone().child("accelerometers"), channels)?;
         }
@@ -283,18 +454,70 @@ impl ApplicationFile for GyroscopeCalibration {
             let why = "records under vibration need how far the gyroscope's clock may be off; expected such as `clock_tolerance = \"1 %\"`";
             return refuse(unit.child("clock_tolerance"), why.to_owned());
         }
-        if self.conditions.is_empty() && self.rest.is_none() {
-            let why = "found neither records under vibration nor one at rest; expected `[[condition]]`, or `[rest]`";
+        if let Some(factor) = self.certificate.coverage_factor.filter(|factor| !(1..=3).contains(factor)) {
+            let why = format!("a coverage factor of {factor}; expected 1 to 3");
+            return refuse(Key::from("certificate").child("coverage_factor"), why);
+        }
+        if self.conditions.is_empty()
+            && self.rest.is_none()
+            && self.positions.is_none()
+            && self.rates.is_empty()
+            && self.temperature.is_none()
+        {
+            let why = "found no record; expected `[[condition]]` of records under vibration, `[rest]`, `[positions]`, `[[rates]]` or `[temperature]`";
             return refuse(Key::default(), why.to_owned());
         }
         let both = FileColumns { columns: self.gyroscope.columns(), ..FileColumns::default() };
         self.check_columns(&Key::from("gyroscope"), &both)?;
-        if let Some(rest) = &self.rest {
-            if let Some(channels) = &rest.channels {
-                self.check_axes(&Key::from("rest").child("channels"), channels)?;
+        let at_rest = self.rest.iter().map(|rest| ("rest", &rest.channels, &rest.accelerometers));
+        let in_cycle =
+            self.temperature.iter().map(|cycle| ("temperature", &cycle.channels, &cycle.accelerometers));
+        for (table, channels, accelerometers) in at_rest.chain(in_cycle) {
+            for (name, channels) in [("channels", channels), ("accelerometers", accelerometers)] {
+                if let Some(channels) = channels {
+                    self.check_axes(&Key::from(table).child(name), channels)?;
+                }
             }
-            let clock = rest.clock.clone().unwrap_or_else(|| self.gyroscope.clock());
-            self.check_columns(&Key::from("rest"), &rest.in_file(&self.gyroscope, &clock))?;
+        }
+        if let Some(rest) = &self.rest {
+            let key = Key::from("rest");
+            self.check_record(&key, &rest.of_unit(&self.gyroscope))?;
+        }
+        if let Some(positions) = &self.positions {
+            let key = Key::from("positions");
+            let complete = |channels: &Channels| AXES.iter().all(|axis| channels.column(axis).is_some());
+            if !self.gyroscope.accelerometers.as_ref().is_some_and(complete) {
+                let why = "positions calibrate three accelerometers; expected their columns such as `accelerometers = { x = \"acc_x_gn\", y = \
+                           \"acc_y_gn\", z = \"acc_z_gn\" }`";
+                return refuse(unit.child("accelerometers"), why.to_owned());
+            }
+            if self.gyroscope.channels.as_ref().is_some_and(|channels| !complete(channels)) {
+                let why = "positions calibrate three gyroscopes or none; expected the columns of `x`, `y` and `z`, or no `channels`";
+                return refuse(unit.child("channels"), why.to_owned());
+            }
+            self.check_record(&key, &positions.of_unit(&self.gyroscope))?;
+        }
+        if let Some(record) = &self.temperature {
+            let key = Key::from("temperature");
+            if let Some(order) = record.order.filter(|order| !(1..=4).contains(order)) {
+                return refuse(key.child("order"), format!("an order of {order}; expected 1 to 4"));
+            }
+            self.check_record(&key, &record.of_unit(&self.gyroscope))?;
+        }
+        let mut rates = BTreeMap::new();
+        for (index, record) in self.rates.iter().enumerate() {
+            let key = Key::from("rates").index(index);
+            if let Some(first) = rates.insert(&record.name, key.clone()) {
+                return Err(self.duplicate(key, &record.name, &first));
+            }
+            let axis = AXES[record.axis.index()];
+            if self.gyroscope.channels.as_ref().is_none_or(|channels| channels.column(axis).is_none()) {
+                let why = format!(
+                    "the unit has no gyroscope of this axis; expected its column as `channels.{axis}`"
+                );
+                return refuse(key.child("axis"), why);
+            }
+            self.check_record(&key, &record.of_unit(&self.gyroscope))?;
         }
         if let Some(MonteCarlo { trials, .. }) = self.monte_carlo
             && !(20_000..=10_000_000).contains(&trials)
@@ -306,9 +529,7 @@ impl ApplicationFile for GyroscopeCalibration {
         for (index, condition) in self.conditions.iter().enumerate() {
             let key = Key::from("condition").index(index);
             if let Some(first) = conditions.insert(&condition.name, key.clone()) {
-                let fault =
-                    ConfigFault::DuplicateName { name: condition.name.to_string(), first: first.to_string() };
-                return Err(self.error(key.child("name"), fault));
+                return Err(self.duplicate(key, &condition.name, &first));
             }
             if is_per_record(&condition.file) && condition.records.is_none() {
                 let why =
@@ -328,11 +549,7 @@ impl ApplicationFile for GyroscopeCalibration {
                     return refuse(key.child("uncertainty").child("correlation"), why);
                 }
                 if let Some(first) = names.insert(&reference.name, key.clone()) {
-                    let fault = ConfigFault::DuplicateName {
-                        name: reference.name.to_string(),
-                        first: first.to_string(),
-                    };
-                    return Err(self.error(key.child("name"), fault));
+                    return Err(self.duplicate(key, &reference.name, &first));
                 }
             }
         }
@@ -344,6 +561,17 @@ impl GyroscopeCalibration {
     /// Refuses a column that is read in two ways.
     fn check_columns(&self, key: &Key, file: &FileColumns) -> Result<(), ConfigError> {
         file.check().map_err(|(_, why)| self.error(key.clone(), ConfigFault::Value { why }))
+    }
+
+    /// A name at this key that stands at an earlier one already.
+    fn duplicate(&self, key: Key, name: &Name, first: &Key) -> ConfigError {
+        let fault = ConfigFault::DuplicateName { name: name.to_string(), first: first.to_string() };
+        self.error(key.child("name"), fault)
+    }
+
+    fn check_record(&self, key: &Key, record: &RecordOfUnit) -> Result<(), ConfigError> {
+        let clock = record.clock.cloned().unwrap_or_else(|| self.gyroscope.clock());
+        self.check_columns(key, &record.in_file(&clock))
     }
 
     fn check_axes(&self, key: &Key, channels: &Channels) -> Result<(), ConfigError> {
@@ -389,9 +617,16 @@ pub(super) fn is_per_record(file: &Path) -> bool {
 impl InertialUnit {
     /// The columns of a file of it.
     fn columns(&self) -> Vec<(&str, &ColumnChoice, Option<&'static str>)> {
-        let mut columns = self.channels.in_file();
-        columns.extend(self.accelerometers.iter().flat_map(Channels::in_file));
-        columns
+        [&self.channels, &self.accelerometers].into_iter().flatten().flat_map(Channels::in_file).collect()
+    }
+
+    /// The columns of gyroscopes and accelerometers in a record at rest: as stated, or those of the gyroscopes; a unit without any has accelerometers.
+    fn columns_at_rest<'a>(&'a self, stated: [Option<&'a Channels>; 2]) -> [Option<&'a Channels>; 2] {
+        match (stated, &self.channels) {
+            ([None, None], Some(channels)) => [Some(channels), None],
+            ([None, None], None) => [None, self.accelerometers.as_ref()],
+            _ => stated,
+        }
     }
 
     /// Its clock, by its nominal rate.
@@ -423,20 +658,66 @@ impl MotionReference {
 }
 
 impl RestRecord {
-    /// Its columns by axis.
-    pub fn channels<'a>(&'a self, unit: &'a InertialUnit) -> &'a Channels {
-        self.channels.as_ref().unwrap_or(&unit.channels)
+    /// The record with its columns.
+    pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
+        let [channels, accelerometers] =
+            unit.columns_at_rest([self.channels.as_ref(), self.accelerometers.as_ref()]);
+        RecordOfUnit {
+            file: &self.file,
+            format: self.format.as_ref(),
+            segments: self.segments.as_ref(),
+            clock: self.clock.as_ref(),
+            channels,
+            accelerometers,
+            further: None,
+        }
     }
+}
 
-    /// How to read its file.
-    pub fn layout(&self, unit: &InertialUnit) -> RecordingLayout {
-        let clock = self.clock.clone().unwrap_or_else(|| unit.clock());
-        self.in_file(unit, &clock).layout(None)
+impl PositionsRecord {
+    /// The record with its columns.
+    pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
+        RecordOfUnit {
+            file: &self.file,
+            format: self.format.as_ref(),
+            segments: self.segments.as_ref(),
+            clock: self.clock.as_ref(),
+            channels: unit.channels.as_ref(),
+            accelerometers: unit.accelerometers.as_ref(),
+            further: None,
+        }
     }
+}
 
-    fn in_file<'a>(&'a self, unit: &'a InertialUnit, clock: &'a Clock) -> FileColumns<'a> {
-        FileColumns::new(self.format.as_ref(), clock, self.channels(unit).in_file())
-            .divided_by(self.segments.as_ref())
+impl RatesRecord {
+    /// The record with its columns.
+    pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
+        RecordOfUnit {
+            file: &self.file,
+            format: self.format.as_ref(),
+            segments: self.segments.as_ref(),
+            clock: self.clock.as_ref(),
+            channels: unit.channels.as_ref(),
+            accelerometers: None,
+            further: Some(("table", &self.table, &kind::ANGULAR_RATE)),
+        }
+    }
+}
+
+impl TemperatureRecord {
+    /// The record with its columns.
+    pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
+        let [channels, accelerometers] =
+            unit.columns_at_rest([self.channels.as_ref(), self.accelerometers.as_ref()]);
+        RecordOfUnit {
+            file: &self.file,
+            format: self.format.as_ref(),
+            segments: self.segments.as_ref(),
+            clock: self.clock.as_ref(),
+            channels,
+            accelerometers,
+            further: Some(("temperature", &self.temperature, &kind::TEMPERATURE)),
+        }
     }
 }
 

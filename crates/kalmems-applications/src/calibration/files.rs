@@ -71,7 +71,7 @@ impl InputFiles<'_> {
                     let place = path.display().to_string();
                     return Err(CalibrationError::NoRecord { place, record: label, known: labels });
                 };
-                let all = [Some(&unit.channels), unit.accelerometers.as_ref()];
+                let all = [unit.channels.as_ref(), unit.accelerometers.as_ref()];
                 require_usable(&recording, segment, &all.map(|channels| columns(channels)).concat())?;
                 let time_s = segment.time.to_vec();
                 let axes = |channels: Option<&Channels>, kind: &Kind| -> Result<_, CalibrationError> {
@@ -88,7 +88,7 @@ impl InputFiles<'_> {
                 records.push(UnitRecord {
                     name,
                     place: path.display().to_string(),
-                    rates: axes(Some(&unit.channels), &kind::ANGULAR_RATE)?,
+                    rates: axes(unit.channels.as_ref(), &kind::ANGULAR_RATE)?,
                     forces: axes(unit.accelerometers.as_ref(), &kind::ACCELERATION)?,
                 });
             }

@@ -1,4 +1,4 @@
-//! Calibration of a gyroscope by a vibration that is known.
+//! Calibration of gyroscopes and accelerometers: by a vibration that is known, by positions, and at rest.
 //!
 //! A stage shakes the gyroscope, a reference knows how: a vibrometer, or the stage's own estimated motion. Each has its own
 //! clock, so that amplitudes and relative phases are all that can be compared: both records are fitted by sines of free
@@ -10,27 +10,40 @@ mod centre;
 #[cfg(feature = "report")]
 mod certificate;
 mod comparison;
+#[cfg(feature = "report")]
+mod compensation_header;
 mod cross_check;
 mod error;
 mod file;
 mod files;
 mod inputs;
+mod linear_model;
 mod matrix;
 mod motion;
 mod noise_fit;
 mod noise_study;
+#[cfg(feature = "report")]
+mod noise_yaml;
 mod octave_covariance;
 mod off_axis;
 mod one_factor;
 mod outcome;
 mod peaks;
+mod positions;
+mod positions_record;
+mod quantities;
+mod rates_record;
 mod rest;
 mod rest_record;
+mod rest_spectrum;
 #[cfg(feature = "report")]
 mod results;
 mod simulated;
+mod still;
 mod stretches;
+mod temperature_record;
 mod tone;
+mod unit_record;
 
 pub use calibrate::calibrate;
 pub use centre::{Centre, ShakenRecord};
@@ -40,7 +53,7 @@ pub use comparison::ReferenceComparison;
 pub use error::CalibrationError;
 pub use file::{
     CertificateDetails, Condition, GyroscopeCalibration, InertialUnit, MonteCarlo, MotionReference,
-    RestRecord, StatedUncertainty,
+    PositionsRecord, RatesRecord, RestRecord, StatedUncertainty, TableAxis, TemperatureRecord,
 };
 pub use matrix::{CalibrationMatrix, LeaveOneOut, RatePair, Repeatability};
 pub use noise_fit::{NoFit, NoiseFit};
@@ -51,8 +64,12 @@ pub use outcome::{
     ScaleFactorChange, UncertainEstimate, UncertaintyContribution,
 };
 pub use peaks::{HALF_WINDOW, PeakToPeak};
-pub use rest::{AxisAtRest, BiasMethod};
+pub use quantities::{
+    CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome, TemperaturePolynomial,
+};
+pub use rest::{AxisAtRest, BiasMethod, NoiseTerm, Sensor};
 #[cfg(feature = "report")]
 pub use results::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};
 pub use simulated::{SimulatedInstrument, SimulatedUnit, Vibration};
 pub use tone::{AXES, AxisSignals, Component, FEWEST_PERIODS, FEWEST_SAMPLES, ToneError, VibrationTone};
+pub use unit_record::RecordOfUnit;

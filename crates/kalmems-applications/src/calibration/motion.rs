@@ -5,14 +5,12 @@
 //! - A motion that comes and goes: the variances about their own means of 16 to 64 pieces of the record, by their median. Of
 //!   white noise they are χ² by its degrees of freedom; 30 of these at most are counted on, so that coloured noise is not taken for
 //!   motion. A piece stands out from some 2.6 times the median on: a motion as large as 1.3 standard deviations of the noise.
-//! - A motion that lasts: the bins of the longest stretch's spectrum, by the median of the bins from 1/1.25 to 1.25 of their
-//!   frequency. A line stands out whose power is four times what noise reaches once in 1000 records.
+//! - A motion that lasts: lines of the longest stretch's spectrum ([`RestSpectrum`]).
 //!
 //! What turns the unit at a constant rate throughout cannot be told from its bias, and what swings less than 33 times in the
 //! record, as long and as slow as the bias wanders, not from that.
 
-use crate::inspect::spectrum_magnitudes;
-use kalmems_core::Portable;
+use super::rest_spectrum::{RestLine, RestSpectrum};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::ops::Range;
 
@@ -22,18 +20,10 @@ const FEWEST_PIECES: usize = 16;
 const SHORTEST_PIECE: usize = 16;
 
 /// How often noise alone is called a motion.
-const FALSE_ALARMS: f64 = 1e-3;
+pub(super) const FALSE_ALARMS: f64 = 1e-3;
 
 /// Degrees of freedom that are counted on, as noise that is not white has fewer.
 const FREEDOM: f64 = 30.0;
-
-/// Half the width of a band of the spectrum by its middle, the first of these, and samples of one transform at most.
-const BAND: f64 = 1.25;
-const FIRST_BIN: usize = 33;
-const LONGEST: usize = 1 << 20;
-
-/// What noise may exceed its expectation by in power, as it is not flat within a band.
-const SLOPE: f64 = 4.0;
 
 /// A motion in a record that is called one at rest.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,19 +36,13 @@ pub(super) enum RestMotion {
         times: f64,
     },
     /// A line of the spectrum.
-    Line {
-        /// In cycles per sample.
-        frequency: f64,
-        /// In rad/s.
-        amplitude: f64,
-    },
+    Line(RestLine),
 }
 
-/// The motions in a record at rest, given as stretches without gaps.
-pub(super) fn motions(stretches: &[&[f64]]) -> Vec<RestMotion> {
-    let longest = stretches.iter().max_by_key(|stretch| stretch.len());
-    let line = longest.and_then(|longest| line(&longest[..longest.len().min(LONGEST)]));
-    passing(stretches).into_iter().chain(line).collect()
+/// The motions in a record at rest, given as stretches without gaps and the spectrum of the longest.
+pub(super) fn motions(stretches: &[&[f64]], spectrum: Option<&RestSpectrum>) -> Vec<RestMotion> {
+    let lines = spectrum.into_iter().flat_map(RestSpectrum::lines);
+    passing(stretches).into_iter().chain(lines.map(RestMotion::Line)).collect()
 }
 
 fn passing(stretches: &[&[f64]]) -> Option<RestMotion> {
@@ -97,40 +81,17 @@ fn variance(piece: &[f64]) -> f64 {
     piece.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (piece.len() - 1) as f64
 }
 
-/// The strongest line of those that stand out of their band.
-fn line(values: &[f64]) -> Option<RestMotion> {
-    let (bins, amplitude_of) = spectrum_magnitudes(values)?;
-    let last = bins.len().saturating_sub(3);
-    let power = SLOPE * (bins.len() as f64 / FALSE_ALARMS).portable_ln() / std::f64::consts::LN_2;
-    let mut strongest: Option<(usize, f64)> = None;
-    let mut from = FIRST_BIN;
-    while from < last {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive number of bins
-        let to = ((from as f64 * BAND * BAND) as usize).min(last);
-        let band = bins.get(from..to)?;
-        let mut sorted = band.to_vec();
-        let middle = sorted.len() / 2;
-        let floor = *sorted.select_nth_unstable_by(middle, f64::total_cmp).1;
-        for (i, bin) in band.iter().enumerate() {
-            let is_out = *bin > floor * power.sqrt();
-            if is_out && strongest.is_none_or(|(_, other)| *bin > other) {
-                strongest = Some((from + i, *bin));
-            }
-        }
-        from = to.max(from + 1);
-    }
-    let (bin, magnitude) = strongest?;
-    Some(RestMotion::Line {
-        frequency: bin as f64 / values.len() as f64,
-        amplitude: amplitude_of * magnitude,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::simulate::WhiteNoise;
+    use kalmems_core::Portable;
     use std::f64::consts::TAU;
+
+    fn motions(stretches: &[&[f64]]) -> Vec<RestMotion> {
+        let longest = stretches.iter().max_by_key(|stretch| stretch.len());
+        super::motions(stretches, longest.and_then(|longest| RestSpectrum::of(longest)).as_ref())
+    }
 
     /// White noise, with a walk and a flicker of about its size over the record where that is wanted.
     fn noise(seed: u64, samples: usize, walk: f64) -> Vec<f64> {
@@ -181,8 +142,26 @@ mod tests {
             *value += 0.2 * (TAU * 0.123 * i as f64).sin();
         }
         let found = motions(&[&values]);
-        let Some(RestMotion::Line { frequency, amplitude }) = found.last() else { panic!("{found:?}") };
+        let [RestMotion::Line(RestLine { frequency, amplitude })] = &found[..] else { panic!("{found:?}") };
         assert!((frequency - 0.123).abs() < 1e-4 && (amplitude / 0.2 - 1.0).abs() < 0.2, "{found:?}");
+    }
+
+    #[test]
+    fn each_of_several_lines_is_named_by_its_frequency_and_amplitude() {
+        let mut values = noise(2, 65_536, 1e-3);
+        for (i, value) in values.iter_mut().enumerate() {
+            let at = |frequency: f64, size: f64| size * (TAU * frequency * i as f64).portable_sin();
+            *value += at(0.05, 0.3) + at(0.123, 0.2) + at(0.31, 0.25);
+        }
+        let lines: Vec<RestLine> = RestSpectrum::of(&values).unwrap().lines();
+        let mut found: Vec<(f64, f64)> = lines.iter().map(|l| (l.frequency, l.amplitude)).collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        assert_eq!(found.len(), 3, "{found:?}");
+        for ((frequency, amplitude), expected) in
+            found.into_iter().zip([(0.05, 0.3), (0.123, 0.2), (0.31, 0.25)])
+        {
+            assert!((frequency - expected.0).abs() < 1e-4 && (amplitude / expected.1 - 1.0).abs() < 0.2);
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::comparison::ReferenceComparison;
 use super::peaks::PeakToPeak;
+use super::quantities::RecordOutcome;
 use super::rest::AxisAtRest;
 use super::tone::AXES;
 use crate::calibration::file::GyroscopeCalibration;
@@ -24,6 +25,8 @@ pub struct Calibration {
     pub rest: Vec<AxisAtRest>,
     /// Motions in it, in sentences: it is none at rest then.
     pub rest_motions: Vec<String>,
+    /// Records of other kinds, such as that of positions.
+    pub records: Vec<RecordOutcome>,
     /// The files that were read, each once.
     pub sources: Vec<RecordingSource>,
     /// What was found in the files and does not keep them from being used.

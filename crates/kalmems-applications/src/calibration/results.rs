@@ -2,11 +2,15 @@
 
 use super::certificate::{Certificate, certificate_page};
 use super::comparison::ReferenceComparison;
+use super::compensation_header::header;
+use super::noise_yaml::noise_yaml;
 use crate::WriteError;
 use crate::calibration::{
-    AXES, AxisAtRest, CalibratedGyroscope, Calibration, ScaleFactorChange, UncertainEstimate,
+    AXES, AxisAtRest, CalibratedGyroscope, Calibration, QuantityUnit, RecordOutcome, ScaleFactorChange,
+    Sensor, TemperaturePolynomial, UncertainEstimate,
 };
 use crate::recording::RecordingSource;
+use crate::signal::Confident;
 use kalmems_core::Portable;
 use kalmems_engines::topics::{explained, link};
 use kalmems_figures::{
@@ -30,6 +34,8 @@ pub struct CalibrationSummary<'a> {
     pub comparisons: &'a [ReferenceComparison],
     /// The record at rest, axis by axis.
     pub rest: Vec<RestSummary<'a>>,
+    /// Records of other kinds, such as that of positions.
+    pub unit_records: &'a [RecordOutcome],
     /// What was found in the files and does not keep them from being used.
     pub findings: &'a [String],
     /// Those of them that say that the record at rest moves.
@@ -45,19 +51,38 @@ pub struct RestSummary<'a> {
     pub rest: &'a AxisAtRest,
     /// Averaging time in s, Allan's deviation in rad/s, its interval of 95 %, the degrees of freedom, and the power of
     /// the frequency in the noise.
-    pub allan: Vec<(f64, f64, [f64; 2], f64, i32)>,
+    pub allan: Vec<DeviationRow>,
+    /// The same of the modified deviation.
+    pub modified: Vec<DeviationRow>,
+    /// The same of Hadamard's overlapping deviation.
+    pub hadamard: Vec<DeviationRow>,
+    /// The same of the total deviation.
+    pub total: Vec<DeviationRow>,
+    /// The density of the noise on either side of the frequency 0: frequency in Hz, and (rad/s)²/Hz.
+    pub density: &'a [[f64; 2]],
+}
+
+/// Averaging time in s, deviation, its interval of 95 %, the degrees of freedom, and the power of the frequency in the noise.
+type DeviationRow = (f64, f64, [f64; 2], f64, i32);
+
+fn rows(deviations: &[Confident]) -> Vec<DeviationRow> {
+    let row = |d: &Confident| (d.averaged.time_s, d.averaged.deviation, d.interval, d.freedom, d.exponent);
+    deviations.iter().map(row).collect()
 }
 
 impl<'a> CalibrationSummary<'a> {
     /// The numbers of a calibration.
     pub fn of(found: &'a Calibration) -> Self {
-        let rest = found.rest.iter().map(|rest| RestSummary {
-            rest,
-            allan: rest
-                .deviations
-                .iter()
-                .map(|d| (d.averaged.time_s, d.averaged.deviation, d.interval, d.freedom, d.exponent))
-                .collect(),
+        let rest = found.rest.iter().map(|rest| {
+            let [(_, modified), (_, hadamard), (_, total)] = &rest.relatives;
+            RestSummary {
+                rest,
+                allan: rows(&rest.deviations),
+                modified: rows(modified),
+                hadamard: rows(hadamard),
+                total: rows(total),
+                density: &rest.density,
+            }
         });
         Self {
             name: found.file.name.to_string(),
@@ -65,6 +90,7 @@ impl<'a> CalibrationSummary<'a> {
             changes: &found.changes,
             comparisons: &found.comparisons,
             rest: rest.collect(),
+            unit_records: &found.records,
             findings: &found.findings,
             rest_motions: &found.rest_motions,
         }
@@ -101,6 +127,17 @@ impl<'a> CalibrationSummary<'a> {
         if !rests.is_empty() {
             for table in at_rest(&rests) {
                 text += &format!("\n{}", table.to_text());
+            }
+        }
+        for record in self.unit_records {
+            for table in std::iter::once(&quantities(record)).chain(&record.tables) {
+                text += &format!("\n{}", table.to_text());
+            }
+            for line in &record.not_observed {
+                text += &format!("\nnot observed: {line}\n");
+            }
+            for line in &record.warnings {
+                text += &format!("\nWARNING: {line}\n");
             }
         }
         for finding in self.findings {
@@ -450,17 +487,49 @@ fn changes(changes: &[ScaleFactorChange]) -> TextTable {
     table
 }
 
-/// The bias of each axis, and the noise that was fitted.
+/// The numbers of a record of another kind.
+pub(super) fn quantities(record: &RecordOutcome) -> TextTable {
+    let columns = [
+        ColumnHead::text("quantity"),
+        ColumnHead::number("value", ""),
+        ColumnHead::number("U (95 %)", ""),
+        ColumnHead::text("unit"),
+        ColumnHead::number("k", ""),
+        ColumnHead::number("ν", ""),
+    ];
+    let caption = format!("{}: results with expanded uncertainties of 95 %", record.title);
+    let mut table = TextTable::new(caption, columns);
+    for quantity in &record.quantities {
+        let QuantityUnit { factor, shown, .. } = quantity.unit;
+        let found = &quantity.estimate;
+        let [value, expanded] = with_uncertainty(factor * found.value, factor * found.expanded());
+        table.push([
+            quantity.name.replace('_', " "),
+            value,
+            expanded,
+            shown.to_owned(),
+            format!("{:.2}", found.coverage_factor),
+            freedom(found.degrees_of_freedom),
+        ]);
+    }
+    table
+}
+
+/// The mean of each axis, and the noise that was fitted.
 pub(super) fn at_rest(rests: &[&AxisAtRest]) -> [TextTable; 2] {
     let columns = [
         ColumnHead::text("axis"),
-        ColumnHead::number("static bias", "mrad/s"),
-        ColumnHead::number("U", "mrad/s"),
+        ColumnHead::number("static bias", ""),
+        ColumnHead::number("U", ""),
         ColumnHead::number("k", ""),
         ColumnHead::number("ν", ""),
-        ColumnHead::number("rms noise", "mrad/s"),
+        ColumnHead::number("rms noise", ""),
+        ColumnHead::text("unit"),
     ];
-    let mut biases = TextTable::new("Bias at rest, with its expanded uncertainty of 95 %", columns);
+    let mut biases = TextTable::new(
+        "Bias at rest, with its expanded uncertainty of 95 %; of an accelerometer it has gravity in it",
+        columns,
+    );
     let columns = [
         ColumnHead::text("axis"),
         ColumnHead::text("noise"),
@@ -473,46 +542,25 @@ pub(super) fn at_rest(rests: &[&AxisAtRest]) -> [TextTable; 2] {
     for rest in rests {
         let estimate = rest.bias_estimate();
         let [value, expanded] = with_uncertainty(1e3 * estimate.value, 1e3 * estimate.expanded());
+        let axis = rest.sensor.axis(rest.axis);
         biases.push([
-            rest.axis.to_owned(),
+            axis.clone(),
             value,
             expanded,
             format!("{:.2}", estimate.coverage_factor),
             freedom(estimate.degrees_of_freedom),
             format!("{:.4}", 1e3 * rest.noise),
+            format!("m{}", rest.sensor.unit()),
         ]);
-        let per_hour = 3600.0_f64.to_degrees();
-        let rows = [
-            (
-                "angle random walk",
-                rest.angle_random_walk,
-                rest.angle_random_walk_interval,
-                60.0_f64.to_degrees(),
-                "deg/√h",
-            ),
-            (
-                "bias instability",
-                rest.bias_instability.map(|[b, _]| b),
-                rest.bias_instability_interval,
-                per_hour,
-                "deg/h",
-            ),
-            (
-                "rate random walk",
-                rest.rate_random_walk,
-                rest.rate_random_walk_interval,
-                60.0 * per_hour,
-                "deg/h/√h",
-            ),
-            ("angle quantisation", rest.quantisation, rest.quantisation_interval, per_hour, "arcsec"),
-        ];
-        for (name, value, interval, factor, unit) in rows {
-            let Some([low, high]) = interval.map(|ends| ends.map(|end| end * factor)) else { continue };
+        for term in rest.noise_terms() {
+            let (factor, unit) = term.shown;
+            let Some([low, high]) = term.interval.map(|ends| ends.map(|end| end * factor)) else { continue };
             let number = |number: f64| if number > 0.0 { three_digits(number) } else { "0".to_owned() };
-            let value = value.map_or_else(|| format!("< {}", number(high)), |value| number(value * factor));
+            let value =
+                term.value.map_or_else(|| format!("< {}", number(high)), |value| number(value * factor));
             noises.push([
-                rest.axis.to_owned(),
-                name.to_owned(),
+                axis.clone(),
+                term.name.to_owned(),
                 value,
                 number(low),
                 number(high),
@@ -534,12 +582,21 @@ fn three_digits(number: f64) -> String {
     format!("{number:.digits$}")
 }
 
-/// A number with an expanded uncertainty: as many digits as two of the uncertainty.
+/// A number with an expanded uncertainty, which has two significant digits, and the number the same last place (JCGM 100, 7.2.6).
 pub(super) fn with_uncertainty(value: f64, expanded: f64) -> [String; 2] {
-    let digits = (1.0 - expanded.abs().portable_log10().floor()).clamp(0.0, 12.0);
+    if !(expanded.abs() > 0.0 && expanded.is_finite()) {
+        return [format!("{value:.6}"), format!("{expanded:.6}")];
+    }
+    let mut place = expanded.abs().portable_log10().floor() - 1.0;
+    // 0.0996 becomes 0.10.
+    if (expanded.abs() / 10.0_f64.portable_powf(place)).round() >= 100.0 {
+        place += 1.0;
+    }
+    let unit = 10.0_f64.portable_powf(place.max(0.0));
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 0 and 12
-    let digits = if digits.is_finite() { digits as usize } else { 6 };
-    [format!("{value:.digits$}"), format!("{expanded:.digits$}")]
+    let digits = (-place).clamp(0.0, 12.0) as usize;
+    let rounded = |number: f64| if unit > 1.0 { (number / unit).round() * unit } else { number };
+    [value, expanded].map(|number| format!("{:.digits$}", rounded(number)))
 }
 
 /// The pictures of a calibration.
@@ -547,10 +604,23 @@ pub fn calibration_figures(found: &Calibration) -> Vec<Figure> {
     let mut figures: Vec<Figure> =
         found.results.iter().filter(|r| r.records.len() > 1).map(of_records).collect();
     figures.extend(found.results.iter().map(of_budget));
-    if !found.rest.is_empty() {
-        figures.push(of_rest(&found.rest));
+    for sensor in [Sensor::Gyroscope, Sensor::Accelerometer] {
+        let rests: Vec<&AxisAtRest> = found.rest.iter().filter(|rest| rest.sensor == sensor).collect();
+        if !rests.is_empty() {
+            figures.push(of_rest(&rests, sensor));
+            figures.push(of_density(&rests, sensor));
+        }
     }
+    figures.extend(found.records.iter().flat_map(|record| record.figures.iter().cloned()));
     figures
+}
+
+/// The identifier of the figure of a sensor at rest, and the stem of its table.
+const fn allan_id(sensor: Sensor) -> &'static str {
+    match sensor {
+        Sensor::Gyroscope => "allan",
+        Sensor::Accelerometer => "allan-accelerometers",
+    }
 }
 
 /// The share of the largest rate about the main axis below which a record tells nothing of its scale factor.
@@ -630,21 +700,23 @@ fn of_budget(result: &CalibratedGyroscope) -> Figure {
 /// From a third of the lowest deviation to three times the highest: the upper end of the interval at the longest time, of two or three
 /// differences, would else set the scale.
 fn deviation_axis(rest: &AxisAtRest) -> Axis {
-    let deviations = || rest.deviations.iter().map(|d| d.averaged.deviation.to_degrees() * 3600.0);
+    let (factor, unit) = rest.sensor.shown();
+    let deviations = || rest.deviations.iter().map(|d| d.averaged.deviation * factor);
     let [low, high] = [deviations().fold(f64::INFINITY, f64::min), deviations().fold(0.0, f64::max)];
-    let axis = Axis::new(format!("deviation of {}", rest.axis), "deg/h").log();
+    let axis = Axis::new(format!("deviation of {}", rest.axis), unit).log();
     if low > 0.0 && high.is_finite() { axis.between(low / 3.0, 3.0 * high) } else { axis }
 }
 
 /// Allan's deviation of each axis.
-fn of_rest(rests: &[AxisAtRest]) -> Figure {
+fn of_rest(rests: &[&AxisAtRest], sensor: Sensor) -> Figure {
     let figure = Figure::new(
-        "allan",
+        allan_id(sensor),
         "At rest",
         "Allan's deviation, overlapping, with the interval that holds the true one 95 times in 100, and the noise that was fitted to it: \
          quantisation, white noise behind a low pass, flicker and a random walk.",
     );
-    let per_hour = |rate: f64| rate.to_degrees() * 3600.0;
+    let (factor, _) = sensor.shown();
+    let shown = |size: f64| factor * size;
     rests.iter().fold(figure, |figure, rest| {
         let known = || rest.deviations.iter().filter(|d| d.interval[1].is_finite());
         let mut panel = Panel::new(Axis::new("averaging time", "s").log(), deviation_axis(rest))
@@ -652,37 +724,76 @@ fn of_rest(rests: &[AxisAtRest]) -> Figure {
                 "95 %",
                 SeriesRole::Estimate,
                 known()
-                    .map(|d| (d.averaged.time_s, per_hour(d.interval[0]), per_hour(d.interval[1])))
+                    .map(|d| (d.averaged.time_s, shown(d.interval[0]), shown(d.interval[1])))
                     .collect::<Vec<_>>(),
             ))
             .with(Series::line(
                 "Allan's deviation",
                 SeriesRole::Estimate,
-                known().map(|d| (d.averaged.time_s, per_hour(d.averaged.deviation))).collect::<Vec<_>>(),
+                known().map(|d| (d.averaged.time_s, shown(d.averaged.deviation))).collect::<Vec<_>>(),
             ));
         if let Some(fit) = &rest.noise_fit {
             let holds = || known().filter(|d| d.averaged.time_s >= fit.from_s).map(|d| d.averaged.time_s);
-            let line = holds().map(|time_s| (time_s, per_hour(fit.deviation(time_s))));
+            let line = holds().map(|time_s| (time_s, shown(fit.deviation(time_s))));
             panel = panel.with(Series::line("fitted noise", SeriesRole::Model, line.collect::<Vec<_>>()));
             if let Some(walk) = rest.angle_random_walk {
-                let line = holds().map(|time_s| (time_s, per_hour(walk / time_s.sqrt())));
+                let line = holds().map(|time_s| (time_s, shown(walk / time_s.sqrt())));
                 panel = panel.with(Series::line(
-                    "angle random walk alone",
+                    rest.noise_terms()[0].name,
                     SeriesRole::Bound,
                     line.collect::<Vec<_>>(),
                 ));
             }
         }
         if let Some([bias, _]) = rest.bias_instability {
-            let floor = per_hour(bias * super::noise_fit::FLOOR.sqrt());
+            let floor = shown(bias * super::noise_fit::FLOOR.sqrt());
             panel = panel.with(Series::level("floor of the bias instability", SeriesRole::Bound, floor));
         }
         figure.with(panel)
     })
 }
 
+/// The density of each axis with the fitted noise and the lines that stand out.
+fn of_density(rests: &[&AxisAtRest], sensor: Sensor) -> Figure {
+    let (id, unit) = match sensor {
+        Sensor::Gyroscope => ("density", "rad/s/Hz^(1/2)"),
+        Sensor::Accelerometer => ("density-accelerometers", "m/s^2/Hz^(1/2)"),
+    };
+    let figure = Figure::new(
+        id,
+        "Density of the noise at rest",
+        "The root of the density on either side of the frequency 0, averaged over bands; what white noise, flicker and a random walk as fitted to Allan's \
+         variances have, and the lines that stand out of the noise, with the amplitude over the root of the resolution.",
+    );
+    rests.iter().fold(figure, |figure, rest| {
+        let measured: Vec<(f64, f64)> = rest.density.iter().map(|[f, s]| (*f, s.sqrt())).collect();
+        let mut panel = Panel::new(
+            Axis::new("frequency", "Hz").log(),
+            Axis::new(format!("root density of {}", rest.axis), unit).log(),
+        )
+        .with(Series::line("measured", SeriesRole::Measured, measured));
+        if let Some(fit) = &rest.noise_fit {
+            let of = |f: f64| {
+                let turn = std::f64::consts::TAU * f;
+                let white = fit.angle_random_walk.0.powi(2) / (1.0 + (turn * fit.time_constant_s).powi(2));
+                let (flicker, walk) =
+                    (fit.bias_instability.0.powi(2) / turn, (fit.rate_random_walk.0 / turn).powi(2));
+                (white + flicker + walk).sqrt()
+            };
+            let fitted: Vec<(f64, f64)> = rest.density.iter().map(|[f, _]| (*f, of(*f))).collect();
+            panel = panel.with(Series::line("fitted noise", SeriesRole::Model, fitted));
+        }
+        let lines: Vec<(f64, f64)> =
+            rest.lines.iter().map(|[f, amplitude]| (*f, 0.5 * amplitude * rest.duration_s.sqrt())).collect();
+        if !lines.is_empty() {
+            panel = panel.with(Series::points("lines", SeriesRole::Estimate, lines));
+        }
+        figure.with(panel)
+    })
+}
+
 /// Writes a calibration into a result: `calibration.json`, `calibration.csv` (a line for each entry of K and each bias),
-/// `records.csv`, `allan.csv` where there is a record at rest, `certificate.json` and `certificate.html`, `report.html`, its pictures in
+/// `records.csv`, `allan.csv` and `imu.yaml` where there is a record at rest, `temperature.json` and `temperature.h` where there are polynomials of the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
 /// `figures/`, `run.toml`.
 pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) -> Result<(), WriteError> {
     let input_id = input_id(found);
@@ -691,12 +802,27 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
         serde_json::to_writer_pretty(&mut *w, &summary)?;
         writeln!(w)
     })?;
-    output.write("calibration.csv", |w| entries(&found.results, w))?;
+    output.write("calibration.csv", |w| entries(found, w))?;
     if !found.results.is_empty() {
         output.write("records.csv", |w| records(&found.results, w))?;
     }
-    if !found.rest.is_empty() {
-        output.write("allan.csv", |w| allan(&found.rest, w))?;
+    for sensor in [Sensor::Gyroscope, Sensor::Accelerometer] {
+        let rests: Vec<&AxisAtRest> = found.rest.iter().filter(|rest| rest.sensor == sensor).collect();
+        if !rests.is_empty() {
+            output.write(&format!("{}.csv", allan_id(sensor)), |w| allan(&rests, sensor, w))?;
+        }
+    }
+    if let Some(yaml) = noise_yaml(&found.rest, found.file.gyroscope.rate.si()) {
+        output.write("imu.yaml", |w| w.write_all(yaml.as_bytes()))?;
+    }
+    let compensation: Vec<&TemperaturePolynomial> =
+        found.records.iter().flat_map(|record| &record.compensation).collect();
+    if !compensation.is_empty() {
+        output.write("temperature.json", |w| {
+            serde_json::to_writer_pretty(&mut *w, &compensation)?;
+            writeln!(w)
+        })?;
+        output.write("temperature.h", |w| w.write_all(header(&compensation).as_bytes()))?;
     }
     let figures = calibration_figures(found);
     let html = explained(page(found, &figures)).to_html()?;
@@ -721,9 +847,9 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
     Ok(())
 }
 
-fn entries(results: &[CalibratedGyroscope], w: &mut dyn Write) -> io::Result<()> {
+fn entries(found: &Calibration, w: &mut dyn Write) -> io::Result<()> {
     writeln!(w, "condition,reference,quantity,unit,value,by_records,uncertainty,low,high")?;
-    for result in results {
+    for result in &found.results {
         let names = (0..9).map(|k| format!("k_{}{}", AXES[k / 3], AXES[k % 3]));
         let entries = names.zip(result.matrix.iter().flatten()).map(|(name, entry)| (name, "1", entry));
         let biases =
@@ -737,6 +863,17 @@ fn entries(results: &[CalibratedGyroscope], w: &mut dyn Write) -> io::Result<()>
                 w,
                 "{},{},{name},{unit},{value:e},{by_records:e},{uncertainty:e},{low:e},{high:e}",
                 result.condition, result.reference
+            )?;
+        }
+    }
+    for record in &found.records {
+        for quantity in &record.quantities {
+            let UncertainEstimate { value, by_records, uncertainty, interval: [low, high], .. } =
+                quantity.estimate;
+            writeln!(
+                w,
+                "{},,{},{},{value:e},{by_records:e},{uncertainty:e},{low:e},{high:e}",
+                record.kind, quantity.name, quantity.unit.unit
             )?;
         }
     }
@@ -778,8 +915,12 @@ fn records(results: &[CalibratedGyroscope], w: &mut dyn Write) -> io::Result<()>
     table.flush()
 }
 
-fn allan(rests: &[AxisAtRest], w: &mut dyn Write) -> io::Result<()> {
-    writeln!(w, "axis,time_s,deviation_rad_per_s,low_rad_per_s,high_rad_per_s,freedom_1,exponent_1")?;
+fn allan(rests: &[&AxisAtRest], sensor: Sensor, w: &mut dyn Write) -> io::Result<()> {
+    let unit = match sensor {
+        Sensor::Gyroscope => "rad_per_s",
+        Sensor::Accelerometer => "m_per_s2",
+    };
+    writeln!(w, "axis,time_s,deviation_{unit},low_{unit},high_{unit},freedom_1,exponent_1")?;
     for rest in rests {
         for d in &rest.deviations {
             let ([low, high], a) = (d.interval, d.averaged);
@@ -842,10 +983,26 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     if !found.rest.is_empty() {
         let rests: Vec<&AxisAtRest> = found.rest.iter().collect();
         let mut section = at_rest(&rests).into_iter().fold(PageSection::new("At rest"), PageSection::table);
-        for figure in figures.iter().filter(|figure| figure.id == "allan") {
+        for figure in
+            figures.iter().filter(|figure| figure.id.starts_with("allan") || figure.id.starts_with("density"))
+        {
             section = section.figure(figure.clone());
         }
         page = page.with(section);
+    }
+    for record in &found.records {
+        let mut section =
+            PageSection::new(record.title.clone()).part(PagePart::Evidence).table(quantities(record));
+        for line in &record.warnings {
+            section = section.notice(NoticeSeverity::Warning, line.clone());
+        }
+        for table in &record.tables {
+            section = section.table(table.clone());
+        }
+        for line in &record.not_observed {
+            section = section.notice(NoticeSeverity::Note, format!("Not observed: {line}"));
+        }
+        page = page.with(record.figures.iter().cloned().fold(section, PageSection::figure));
     }
     for finding in &found.findings {
         page = page.with(
@@ -889,6 +1046,19 @@ mod tests {
             probability: 0.95,
             coverage_factor,
             expanded_uncertainty: coverage_factor * standard_uncertainty,
+        }
+    }
+
+    #[test]
+    fn an_expanded_uncertainty_has_two_digits_and_its_value_the_same_place() {
+        for (value, expanded, shown) in [
+            (1.013_689, 0.000_144_3, ["1.01369", "0.00014"]),
+            (2.0, 0.0996, ["2.00", "0.10"]),
+            (1_234_567.0, 12_345.0, ["1235000", "12000"]),
+            (-37.26, 12.4, ["-37", "12"]),
+            (5.5, 0.0, ["5.500000", "0.000000"]),
+        ] {
+            assert_eq!(with_uncertainty(value, expanded), shown);
         }
     }
 

@@ -40,6 +40,15 @@ pub fn coverage_factor(probability: f64, degrees_of_freedom: f64) -> f64 {
     }
 }
 
+/// The probability with which an interval of so many standard uncertainties with these degrees of freedom holds the value.
+pub fn coverage_probability(coverage_factor: f64, degrees_of_freedom: f64) -> f64 {
+    let below = match StudentsT::new(0.0, 1.0, degrees_of_freedom) {
+        Ok(law) if degrees_of_freedom < 1e6 => law.cdf(coverage_factor),
+        _ => Normal::standard().cdf(coverage_factor),
+    };
+    2.0 * below - 1.0
+}
+
 impl Combined {
     /// A standard uncertainty with these degrees of freedom, expanded to this probability.
     pub fn of(standard_uncertainty: f64, degrees_of_freedom: f64, probability: f64) -> Self {

@@ -13,7 +13,7 @@ mod input;
 mod standard_uncertainty;
 mod trials;
 
-pub use budget::{Budget, Combined, coverage_factor};
+pub use budget::{Budget, Combined, coverage_factor, coverage_probability};
 pub use correlated_draws::{chi_by_freedom, correlated_normals, shared_error};
 pub(crate) use input::or_null;
 pub use input::{Distribution, Evaluation, Input};

@@ -24,8 +24,9 @@ impl Deviation {
     /// Which noise it is at an averaging time is read off the correlation of neighbouring means (Riley and Greenhall,
     /// Proceedings of the 18th European Frequency and Time Forum, 2004); where fewer than 30 means are left, it is as at
     /// the time before. The degrees of freedom are those of Greenhall and Riley, Proceedings of the 35th PTTI Meeting,
-    /// 267, 2003, and the interval is that of χ². The modified and the total deviation and that of time have none here
-    /// and come back without an interval, not numbers.
+    /// 267, 2003, of the total deviation those of Riley, NIST Special Publication 1065, 2008, table 7, and the interval is that of χ². What the mirrors
+    /// of the total deviation take from flicker and random-walk noise is put back. With phase noise (α above 0) the total deviation has no formula
+    /// here and comes back without an interval, not numbers.
     pub fn with_confidence(
         self,
         rate: &[f64],
@@ -49,7 +50,7 @@ impl Deviation {
         factors: &[usize],
         probability: f64,
     ) -> Vec<Confident> {
-        self.of_phases_with_confidence(&[phase], interval_s, factors, probability)
+        self.of_phases_with_confidence(&[phase], interval_s, factors, probability, |_| None)
     }
 
     fn of_phases_with_confidence(
@@ -58,17 +59,22 @@ impl Deviation {
         interval_s: f64,
         factors: &[usize],
         probability: f64,
+        noise: impl Fn(f64) -> Option<i32>,
     ) -> Vec<Confident> {
         let mut exponent = 0;
         let longest = phases.iter().copied().max_by_key(|phase| phase.len()).unwrap_or_default();
         let found = factors.iter().filter_map(|factor| self.of_phases(phases, interval_s, *factor));
         let with = found.map(|averaged| {
-            exponent = noise_of(longest, averaged.factor, self.differences()).unwrap_or(exponent);
+            exponent = noise(averaged.time_s)
+                .or_else(|| noise_of(longest, averaged.factor, self.differences()))
+                .unwrap_or(exponent);
             let freedoms = phases.iter().map(|phase| self.freedom(phase.len(), averaged.factor, exponent));
             let freedom = match phases {
                 [_] => freedoms.sum(),
                 _ => freedoms.filter(|freedom| freedom.is_finite()).sum(),
             };
+            let kept = self.kept(longest.len(), averaged.factor, exponent);
+            let averaged = AllanDeviation { deviation: averaged.deviation / kept.sqrt(), ..averaged };
             let end = |part: f64| match ChiSquared::new(freedom) {
                 Ok(law) => averaged.deviation * (freedom / law.inverse_cdf(part)).sqrt(),
                 Err(_) => f64::NAN,
@@ -99,10 +105,31 @@ impl Deviation {
         factors: &[usize],
         probability: f64,
     ) -> Vec<Confident> {
+        self.of_stretches_with_noise(stretches, interval_s, factors, probability, |_| None)
+    }
+
+    /// The same with the noise that is known from elsewhere: its α at an averaging time in s, and `None` where it is to be read off the means.
+    pub fn of_stretches_with_noise(
+        self,
+        stretches: &[&[f64]],
+        interval_s: f64,
+        factors: &[usize],
+        probability: f64,
+        noise: impl Fn(f64) -> Option<i32>,
+    ) -> Vec<Confident> {
         let phases: Vec<Vec<f64>> =
             stretches.iter().map(|rate| super::allan::phase(rate, interval_s)).collect();
         let phases: Vec<&[f64]> = phases.iter().map(Vec::as_slice).collect();
-        self.of_phases_with_confidence(&phases, interval_s, factors, probability)
+        self.of_phases_with_confidence(&phases, interval_s, factors, probability, noise)
+    }
+
+    /// The part of the variance that the mirrors of the total deviation leave; 1 of the others.
+    fn kept(self, phases: usize, factor: usize, exponent: i32) -> f64 {
+        let taken = match self {
+            Self::Total => total_noise(exponent).map_or(0.0, |(.., taken)| taken),
+            _ => 0.0,
+        };
+        1.0 - taken * factor as f64 / phases.saturating_sub(1).max(1) as f64
     }
 
     /// Which difference of the phase it squares.
@@ -118,16 +145,28 @@ impl Deviation {
     ///
     /// ν = s_z(0)²·M/Σ s_z² over the lags of the sum, with the covariance s_z of two differences (Greenhall and Riley, 2003,
     /// equations 7 to 12), evaluated as it stands at any length; for more than 256 steps to an averaging time on a grid of
-    /// 256.
+    /// 256. The phase of the modified deviation is averaged over the averaging time itself.
     pub fn freedom(self, phases: usize, factor: usize, exponent: i32) -> f64 {
-        let overlapping = match self {
-            Self::Overlapping | Self::OverlappingHadamard => true,
-            Self::Allan | Self::Hadamard => false,
-            Self::Modified | Self::Time | Self::Total => return f64::NAN,
+        let (overlapping, is_averaged) = match self {
+            Self::Overlapping | Self::OverlappingHadamard => (true, false),
+            Self::Allan | Self::Hadamard => (false, false),
+            Self::Modified | Self::Time => (true, true),
+            Self::Total => {
+                let ratio = phases as f64 / factor as f64;
+                let published = total_noise(exponent).map(|(slope, less, _)| slope * ratio - less);
+                // The formula is that of long averaging times; at short ones the mirrors add nothing.
+                let most = if factor < SHORT {
+                    Self::Overlapping.freedom(phases, factor, exponent)
+                } else {
+                    f64::INFINITY
+                };
+                return published.map_or(f64::NAN, |published| published.min(most));
+            }
         };
         let d = self.differences();
+        let length = factor * d + if is_averaged { factor - 1 } else { 0 };
         // Phases that can be the first of a difference.
-        let Some(room) = phases.checked_sub(factor * d) else { return f64::NAN };
+        let Some(room) = phases.checked_sub(length) else { return f64::NAN };
         let stride = if overlapping { factor } else { 1 };
         // Terms of the sum, on a grid of `stride` to an averaging time.
         let terms = 1 + stride * room.saturating_sub(1) / factor;
@@ -137,7 +176,8 @@ impl Deviation {
         } else {
             (stride as f64, terms as f64)
         };
-        let covariance = |t: f64| correlation(t, factor as f64, exponent, d);
+        let averaged_over = if is_averaged { 1.0 } else { factor as f64 };
+        let covariance = |t: f64| correlation(t, averaged_over, exponent, d);
         let own = covariance(0.0).powi(2);
         let last = terms.min((d + 1) as f64 * stride).ceil();
         let mut sum = own + (1.0 - last / terms).max(0.0) * covariance(last / stride).powi(2);
@@ -149,6 +189,20 @@ impl Deviation {
         own * terms / sum
     }
 }
+
+/// Of the total deviation with noise of this α: the degrees of freedom by the ratio of record and averaging time, what is less of them, and the part of
+/// the variance that the mirrors take at an averaging time as long as the record (Riley, 2008, tables 7 and 8).
+fn total_noise(exponent: i32) -> Option<(f64, f64, f64)> {
+    match exponent {
+        0 => Some((1.5, 0.0, 0.0)),
+        -1 => Some((1.17, 0.22, (3.0 * std::f64::consts::LN_2).recip())),
+        -2 => Some((0.93, 0.36, 0.75)),
+        _ => None,
+    }
+}
+
+/// Below this factor the degrees of freedom of the total deviation are those of the overlapping one, if they are fewer.
+const SHORT: usize = 4;
 
 /// Steps to an averaging time in the sum over lags.
 const FINEST: usize = 256;

@@ -169,14 +169,17 @@ fn bounds_of_stable32() {
     }));
     let (mut compared, mut same_noise, mut largest) = (0, 0, 0.0_f64);
     for (name, deviation) in ALL {
-        if !matches!(name, "adev" | "oadev" | "hdev" | "ohdev") {
-            continue;
-        }
         for (record, phase) in [("phase_dat", &phase), ("ocxo", &oscillator)] {
             let rows = numbers(&format!("{record}_{name}_octave.txt"));
             for row in rows.iter().filter(|row| row.len() >= 7) {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a factor and α
                 let (factor, exponent) = (row[0] as usize, row[3] as i32);
+                // Its total deviation has bounds with phase noise, of which no formula is published; and it takes the formula of long averaging times
+                // at one and two intervals too, where intervals by it hold 161 of 200 records of white noise (`slow_modified_hadamard_and_total`:
+                // 185 or more by ours).
+                if name == "totdev" && (exponent > 0 || factor < 4) {
+                    continue;
+                }
                 let freedom = deviation.freedom(phase.len(), factor, exponent);
                 let law = ChiSquared::new(freedom).unwrap();
                 let bound = |part: f64| row[5] * (freedom / law.inverse_cdf(part)).sqrt();

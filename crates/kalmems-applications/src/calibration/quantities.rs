@@ -1,0 +1,224 @@
+//! What a record of a unit determines, in the shape that tables, JSON and the certificate share.
+
+use super::outcome::UncertainEstimate;
+use crate::config::kinds::KindOf;
+use crate::metrology::{Budget, Distribution, Evaluation, Input, StandardUncertainty};
+use kalmems_figures::{Figure, TextTable};
+use serde::{Serialize, Serializer};
+
+/// Standard gravity in m/s².
+pub(super) const STANDARD_GRAVITY: f64 = 9.806_65;
+/// The rate of the Earth's rotation in rad/s (WGS 84).
+pub(super) const EARTH_RATE: f64 = 7.292_115e-5;
+
+/// The unit of a number, and how tables show it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QuantityUnit {
+    /// The unit in SI.
+    pub unit: &'static str,
+    /// What the number is multiplied by in tables.
+    pub factor: f64,
+    /// The unit of the product.
+    pub shown: &'static str,
+    /// Beyond this standard uncertainty by the record, in SI, the record does not determine the number.
+    pub unknown: f64,
+}
+
+impl QuantityUnit {
+    /// A ratio, shown as a plain number.
+    pub const RATIO: Self = Self { unit: "1", factor: 1.0, shown: "", unknown: 0.1 };
+    /// A small angle.
+    pub const ANGLE: Self = Self { unit: "rad", factor: 1e3, shown: "mrad", unknown: 0.1 };
+    /// The bias of an accelerometer.
+    pub const FORCE: Self =
+        Self { unit: "m/s^2", factor: 1e3 / STANDARD_GRAVITY, shown: "mgn", unknown: 0.1 * STANDARD_GRAVITY };
+
+    /// Another unit, in which no size is too large.
+    pub const fn other(unit: &'static str, factor: f64, shown: &'static str) -> Self {
+        Self { unit, factor, shown, unknown: f64::MAX }
+    }
+
+    /// The bias of a gyroscope.
+    pub fn rate() -> Self {
+        Self::other("rad/s", 3600.0_f64.to_degrees(), "deg/h")
+    }
+}
+
+/// A number that a record determines.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CalibratedQuantity {
+    /// Its name, unique in the record, such as `accelerometer_scale_factor_x`.
+    pub name: String,
+    /// The unit of the estimate.
+    #[serde(serialize_with = "in_si")]
+    pub unit: QuantityUnit,
+    /// The number with its uncertainty.
+    #[serde(flatten)]
+    pub estimate: UncertainEstimate,
+    /// What its uncertainty is made of.
+    pub budget: Vec<Input>,
+}
+
+fn in_si<S: Serializer>(unit: &QuantityUnit, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(unit.unit)
+}
+
+/// A number as a polynomial of the temperature, with which it can be compensated.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TemperaturePolynomial {
+    /// The number, such as `gyroscope_bias_z`.
+    pub name: String,
+    /// The unit of the number in SI.
+    pub unit: &'static str,
+    /// The temperature in K from which the polynomial counts.
+    pub reference_k: f64,
+    /// The temperatures in K of the record, lowest and highest.
+    pub range_k: [f64; 2],
+    /// The coefficients from the constant on, of the temperature in K from the reference.
+    pub coefficients: Vec<f64>,
+}
+
+/// A check of what was assumed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CertificateCheck {
+    /// What is looked at.
+    pub what: String,
+    /// Whether it passes.
+    pub passes: bool,
+    /// What was found.
+    pub found: String,
+}
+
+/// A record of a unit with what was found in it.
+#[derive(Clone, Debug, Serialize)]
+pub struct RecordOutcome {
+    /// Which table of the calibration file asked for it: `positions`, `rates`, `temperature`.
+    pub kind: &'static str,
+    /// A heading.
+    #[serde(skip)]
+    pub title: String,
+    /// How the numbers were found, for the certificate.
+    #[serde(skip)]
+    pub method: String,
+    /// The numbers.
+    pub quantities: Vec<CalibratedQuantity>,
+    /// Polynomials of the temperature.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub compensation: Vec<TemperaturePolynomial>,
+    /// The parts of the record, row by row.
+    #[serde(skip)]
+    pub tables: Vec<TextTable>,
+    /// Its pictures.
+    #[serde(skip)]
+    pub figures: Vec<Figure>,
+    /// Whether what was assumed holds.
+    #[serde(skip)]
+    pub checks: Vec<CertificateCheck>,
+    /// What is not determined, and why.
+    pub not_observed: Vec<String>,
+    /// What a reader must know.
+    pub warnings: Vec<String>,
+    /// The keys that a certificate needs and the file does not state.
+    #[serde(skip)]
+    pub not_stated: Vec<String>,
+}
+
+impl RecordOutcome {
+    /// The estimate with this name.
+    pub fn estimate(&self, name: &str) -> Option<&UncertainEstimate> {
+        self.quantities.iter().find(|quantity| quantity.name == name).map(|quantity| &quantity.estimate)
+    }
+}
+
+impl RecordOutcome {
+    /// Of a record of this kind, in which nothing was found yet.
+    pub(super) fn new(kind: &'static str, title: impl Into<String>, method: impl Into<String>) -> Self {
+        Self {
+            kind,
+            title: title.into(),
+            method: method.into(),
+            quantities: Vec::new(),
+            compensation: Vec::new(),
+            tables: Vec::new(),
+            figures: Vec::new(),
+            checks: Vec::new(),
+            not_observed: Vec::new(),
+            warnings: Vec::new(),
+            not_stated: Vec::new(),
+        }
+    }
+
+    /// Adds a number; one that the record does not determine is named instead.
+    pub(super) fn push_known(
+        &mut self,
+        name: impl Into<String>,
+        unit: QuantityUnit,
+        value: f64,
+        budget: Vec<Input>,
+    ) {
+        let name = name.into();
+        let size = budget.first().map_or(f64::INFINITY, |input| input.standard_uncertainty);
+        if value.is_finite() && size <= unit.unknown {
+            let estimate = estimate(value, &budget);
+            self.quantities.push(CalibratedQuantity { name, unit, estimate, budget });
+        } else {
+            self.not_observed.push(format!(
+                "{}: the record does not determine it (standard uncertainty {size:.1e} {})",
+                name.replace('_', " "),
+                unit.unit
+            ));
+        }
+    }
+}
+
+/// An input whose value is 0, by its size in the unit of the result.
+pub(super) fn contribution(
+    name: &str,
+    standard_uncertainty: f64,
+    degrees_of_freedom: f64,
+    evaluation: Evaluation,
+) -> Input {
+    Input {
+        name: name.to_owned(),
+        unit: "",
+        value: 0.0,
+        standard_uncertainty,
+        distribution: Distribution::Normal,
+        degrees_of_freedom,
+        evaluation,
+        source: String::new(),
+        sensitivity: 1.0,
+    }
+}
+
+/// The inputs of a number that has the scatter of the residuals only.
+pub(super) fn by_scatter(deviation: f64, freedom: usize) -> Vec<Input> {
+    vec![contribution("scatter of the residuals", deviation, freedom as f64, Evaluation::A)]
+}
+
+/// A stated uncertainty by its size in the unit of the result.
+pub(super) fn stated_contribution<K: KindOf>(
+    name: &str,
+    stated: &StandardUncertainty<K>,
+    sensitivity: f64,
+) -> Input {
+    Input {
+        distribution: stated.distribution(),
+        source: stated.source().unwrap_or_default().to_owned(),
+        ..contribution(
+            name,
+            (stated.standard() * sensitivity).abs(),
+            stated.degrees_of_freedom(),
+            Evaluation::B,
+        )
+    }
+}
+
+/// A number with its inputs, which are independent; the first one is what the record itself tells (type A).
+fn estimate(value: f64, inputs: &[Input]) -> UncertainEstimate {
+    let of = |inputs: &[Input]| {
+        let budget = Budget { inputs: inputs.to_vec(), correlations: Vec::new() };
+        budget.combined(super::inputs::PROBABILITY)
+    };
+    UncertainEstimate::of(value, of(inputs.get(..1).unwrap_or_default()), of(inputs))
+}

@@ -1,0 +1,393 @@
+//! Records on a rate table that turns at one constant rate after the other: scale factor, its changes with the rate, bias, cross-axis sensitivity
+//! and hysteresis (IEEE Std 952 and 1431).
+
+use super::error::CalibrationError;
+use super::files::InputFiles;
+use super::linear_model::{LinearModel, standing_out};
+use super::quantities::{
+    CertificateCheck, EARTH_RATE, QuantityUnit, RecordOutcome, by_scatter, contribution, stated_contribution,
+};
+use super::still::{StillChannel, still_parts};
+use super::tone::AXES;
+use super::unit_record::UnitSamples;
+use crate::calibration::file::RatesRecord;
+use crate::config::{Key, Quantity};
+use crate::fit::{Fit, FitError};
+use crate::metrology::{Evaluation, Input};
+use kalmems_core::{Dual, Portable, Scalar};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable, pairs};
+use std::ops::Range;
+
+/// Bias, slope, magnitude, square and cube of the rate over the largest one, and whether it was reached from below or above.
+const TERMS: usize = 6;
+const BIAS: usize = 0;
+const SLOPE: usize = 1;
+const SQUARE: usize = 3;
+const CUBE: usize = 4;
+const DIRECTION: usize = 5;
+
+/// Steps and different rates that the fit takes at least.
+const FEWEST_STEPS: usize = 10;
+const FEWEST_RATES: usize = 6;
+/// Rates that differ by less than this part of the largest one are the same.
+const SAME: f64 = 1e-3;
+/// The shortest step in s if nothing is stated.
+const SHORTEST_S: f64 = 1.0;
+
+/// A part of the record with a constant rate.
+struct Step {
+    rows: Range<usize>,
+    /// The rate in rad/s, with the Earth's where that is known.
+    table: f64,
+    /// What the gyroscopes show in rad/s.
+    shown: [Option<f64>; 3],
+    /// 1 if the rate before was lower, −1 if it was higher, 0 of the first step of a stretch.
+    direction: f64,
+}
+
+/// The steps of a record with the terms of the fit.
+struct Steps {
+    each: Vec<Step>,
+    /// The largest magnitude in rad/s.
+    largest: f64,
+    terms: Vec<[f64; TERMS]>,
+}
+
+/// A number with its derivatives by the terms.
+type TermDual = Dual<f64, TERMS>;
+
+/// The outcome of each record on a rate table.
+pub(super) fn measure(files: &mut InputFiles) -> Result<Vec<RecordOutcome>, CalibrationError> {
+    let file = files.file;
+    let mut outcomes = Vec::with_capacity(file.rates.len());
+    for (index, record) in file.rates.iter().enumerate() {
+        let key = Key::from("rates").index(index);
+        let samples = record.of_unit(&file.gyroscope).read(files, key.child("file"))?;
+        outcomes.push(measure_one(record, &samples)?);
+    }
+    Ok(outcomes)
+}
+
+fn measure_one(record: &RatesRecord, samples: &UnitSamples) -> Result<RecordOutcome, CalibrationError> {
+    let shortest_s = record.shortest.as_ref().map_or(SHORTEST_S, Quantity::si);
+    let earth = record.latitude.as_ref().map(|latitude| EARTH_RATE * latitude.si().portable_sin());
+    let steps = Steps::of(samples, shortest_s, earth.unwrap_or(0.0));
+    let rates = steps.different_rates();
+    if steps.each.len() < FEWEST_STEPS || rates < FEWEST_RATES || !steps.has_both_signs() {
+        return Err(CalibrationError::Steps {
+            place: samples.place.clone(),
+            found: steps.each.len(),
+            rates,
+            expected: FEWEST_STEPS,
+            expected_rates: FEWEST_RATES,
+            shortest_s,
+        });
+    }
+    let mut outcome = RecordOutcome::new("rates", format!("Rates: {}", record.name), METHOD);
+    outcome.warnings.clone_from(&samples.remarks);
+    if record.table_uncertainty.is_none() {
+        outcome.not_stated.push(format!("table_uncertainty of the rates `{}`", record.name));
+    }
+    let main = record.axis.index();
+    for (axis, name) in AXES.into_iter().enumerate() {
+        let Some(values) = steps.each.iter().map(|step| step.shown[axis]).collect::<Option<Vec<f64>>>()
+        else {
+            continue;
+        };
+        let failed = |fault: FitError| CalibrationError::RecordFit { place: samples.place.clone(), fault };
+        let model = LinearModel { terms: &steps.terms, values: &values };
+        let mut found = model.fit([true; TERMS]).map_err(failed)?;
+        let knows_direction = found.covariance.get(DIRECTION, DIRECTION).is_finite();
+        if !knows_direction {
+            found = model.fit(std::array::from_fn(|term| term != DIRECTION)).map_err(failed)?;
+        }
+        if axis == main {
+            steps.of_main(&mut outcome, record, &found, earth.is_some());
+            if knows_direction {
+                let hysteresis = found.derived(|p| p[DIRECTION] * TermDual::constant(2.0));
+                let inputs = by_scatter(hysteresis.deviation, found.degrees_of_freedom);
+                outcome.push_known(
+                    format!("hysteresis_{name}"),
+                    QuantityUnit::rate(),
+                    hysteresis.value,
+                    inputs,
+                );
+            } else {
+                outcome.not_observed.push(
+                    "hysteresis: the rates are not reached from below and from above; turn through them upwards and downwards".to_owned(),
+                );
+            }
+            steps.judge(&mut outcome, record, samples, &model, &found);
+            outcome.tables.push(steps.table(samples, &values, &found, record));
+            outcome.figures.push(steps.figure(samples, &values, &found, record));
+        } else {
+            let slope = found.derived(|p| steps.line(p, |_| true));
+            let mut inputs = by_scatter(slope.deviation, found.degrees_of_freedom);
+            match &record.alignment {
+                Some(alignment) => inputs.push(stated_contribution("alignment", alignment, 1.0)),
+                None => outcome.not_stated.push(format!("alignment of the rates `{}`", record.name)),
+            }
+            let name = format!("cross_axis_sensitivity_{name}{}", AXES[main]);
+            outcome.push_known(name, QuantityUnit::RATIO, slope.value, inputs);
+        }
+    }
+    Ok(outcome)
+}
+
+const METHOD: &str = "Rates: the table turns at constant rates; the parts in which it accelerates are left out. The means at the rates are fitted by a bias, \
+    a straight line, a line that differs for both signs, a square and a cube of the rate, and a difference between rates that are reached from below and from \
+    above (IEEE Std 1431). The scale factor is the slope of the straight line through the fit at these rates. The scatter of the residuals is the type A \
+    evaluation.";
+
+impl Steps {
+    fn of(samples: &UnitSamples, shortest_s: f64, earth: f64) -> Self {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a number of samples
+        let shortest = (shortest_s / samples.time.interval_s).ceil().max(2.0) as usize;
+        let mut each: Vec<Step> = Vec::new();
+        let rates = samples.rates();
+        for stretch in &samples.time.rows {
+            let all = rates.into_iter().flatten().chain([samples.further()]);
+            let channels: Vec<StillChannel> = all
+                .map(|values| StillChannel {
+                    values: values.get(stretch.clone()).unwrap_or_default(),
+                    is_rate: false,
+                })
+                .collect();
+            let mut before: Option<f64> = None;
+            for part in still_parts(&channels, shortest) {
+                let rows = stretch.start + part.start..stretch.start + part.end;
+                let mean = |values: &[f64]| {
+                    let values = values.get(rows.clone()).unwrap_or_default();
+                    values.iter().sum::<f64>() / values.len() as f64
+                };
+                let table = mean(samples.further()) + earth;
+                let shown = std::array::from_fn(|axis| rates[axis].map(mean));
+                let direction = before.map_or(0.0, |before| if table > before { 1.0 } else { -1.0 });
+                before = Some(table);
+                each.push(Step { rows, table, shown, direction });
+            }
+        }
+        let largest = each.iter().map(|step| step.table.abs()).fold(f64::MIN_POSITIVE, f64::max);
+        let terms = each.iter().map(|step| {
+            let rate = step.table / largest;
+            [1.0, rate, rate.abs(), rate * rate, rate.powi(3), step.direction]
+        });
+        Self { terms: terms.collect(), each, largest }
+    }
+
+    fn different_rates(&self) -> usize {
+        let mut rates: Vec<f64> = self.each.iter().map(|step| step.table / self.largest).collect();
+        rates.sort_by(f64::total_cmp);
+        usize::from(!rates.is_empty()) + rates.windows(2).filter(|pair| pair[1] - pair[0] > SAME).count()
+    }
+
+    fn has_both_signs(&self) -> bool {
+        let part =
+            |sign: f64| self.each.iter().filter(|step| sign * step.table > SAME * self.largest).count();
+        part(1.0) >= 2 && part(-1.0) >= 2
+    }
+
+    /// The slope of the straight line through the fit at some of the rates, without dimension.
+    fn line(&self, p: &[TermDual; TERMS], is_of: impl Fn(f64) -> bool) -> TermDual {
+        let chosen: Vec<&[f64; TERMS]> = self.terms.iter().filter(|terms| is_of(terms[SLOPE])).collect();
+        let mean = chosen.iter().map(|terms| terms[SLOPE]).sum::<f64>() / chosen.len().max(1) as f64;
+        let square: f64 = chosen.iter().map(|terms| (terms[SLOPE] - mean).powi(2)).sum();
+        let mut slope = TermDual::constant(0.0);
+        for (term, parameter) in p.iter().enumerate().filter(|(term, _)| *term != DIRECTION) {
+            let along: f64 = chosen.iter().map(|terms| (terms[SLOPE] - mean) * terms[term]).sum();
+            slope = slope + *parameter * TermDual::constant(along / square);
+        }
+        slope * TermDual::constant(self.largest.recip())
+    }
+
+    /// The numbers of the axis that lies along that of the table.
+    fn of_main(
+        &self,
+        outcome: &mut RecordOutcome,
+        record: &RatesRecord,
+        found: &Fit<TERMS>,
+        is_earth_known: bool,
+    ) {
+        let axis = AXES[record.axis.index()];
+        let degree = 1.0_f64.to_radians();
+        let scale = |p: &[TermDual; TERMS]| self.line(p, |_| true);
+        let by_rate = |p: &[TermDual; TERMS], power: i32, term: usize| {
+            p[term] * TermDual::constant(self.largest.powi(-power)) * scale(p).recip()
+        };
+        let asymmetry = |p: &[TermDual; TERMS]| {
+            (self.line(p, |rate| rate > SAME) - self.line(p, |rate| rate < -SAME)) * scale(p).recip()
+        };
+        let numbers: [(&str, QuantityUnit, &dyn Fn(&[TermDual; TERMS]) -> TermDual); 5] = [
+            ("scale_factor", QuantityUnit::RATIO, &scale),
+            ("asymmetry", QuantityUnit { factor: 1e6, shown: "ppm", ..QuantityUnit::RATIO }, &asymmetry),
+            ("second_order", QuantityUnit::other("s/rad", 1e6 * degree, "ppm/(deg/s)"), &|p| {
+                by_rate(p, 2, SQUARE)
+            }),
+            ("third_order", QuantityUnit::other("s^2/rad^2", 1e6 * degree * degree, "ppm/(deg/s)^2"), &|p| {
+                by_rate(p, 3, CUBE)
+            }),
+            ("bias", QuantityUnit::rate(), &|p| p[BIAS]),
+        ];
+        for (name, unit, of) in numbers {
+            let number = found.derived(of);
+            let mut inputs: Vec<Input> = by_scatter(number.deviation, found.degrees_of_freedom);
+            if name == "scale_factor" {
+                if let Some(stated) = &record.table_uncertainty {
+                    inputs.push(stated_contribution("rate of the table", stated, number.value));
+                }
+                if let Some(alignment) = &record.alignment {
+                    // 1 − cos of the angle.
+                    let part = 0.5 * alignment.standard() * number.value;
+                    inputs.push(stated_contribution("alignment, second order", alignment, part));
+                }
+            }
+            if name == "bias" && !is_earth_known {
+                let part = EARTH_RATE / 3.0_f64.sqrt();
+                inputs.push(contribution(
+                    "Earth's rotation, latitude not stated",
+                    part,
+                    f64::INFINITY,
+                    Evaluation::B,
+                ));
+            }
+            outcome.push_known(format!("{name}_{axis}"), unit, number.value, inputs);
+        }
+    }
+
+    fn judge(
+        &self,
+        outcome: &mut RecordOutcome,
+        record: &RatesRecord,
+        samples: &UnitSamples,
+        model: &LinearModel<TERMS>,
+        found: &Fit<TERMS>,
+    ) {
+        let far = standing_out(model, found);
+        for (place, size) in &far {
+            let step = &self.each[*place];
+            outcome.warnings.push(format!(
+                "rates `{}`: the step at {:.2} s ({:+.4} deg/s) lies {size:.1} times what the others make likely from the fit: a disturbance, or a rate \
+                 beyond the range of the gyroscope",
+                record.name,
+                samples.time_s(step.rows.start),
+                step.table.to_degrees()
+            ));
+        }
+        let name = |what: &str| format!("rates `{}`: {what}", record.name);
+        outcome.checks.push(CertificateCheck {
+            what: name("bias, asymmetry, a polynomial of third order and hysteresis describe the steps"),
+            passes: far.is_empty(),
+            found: format!(
+                "residuals of {:.2e} rad/s at {} degrees of freedom",
+                found.residual_deviation(),
+                found.degrees_of_freedom
+            ),
+        });
+        let scale = found.derived(|p| self.line(p, |_| true)).value;
+        outcome.checks.push(CertificateCheck {
+            what: name("the gyroscope turns with the table"),
+            passes: scale > 0.5,
+            found: format!("scale factor {scale:+.4}"),
+        });
+        if scale <= 0.5 {
+            outcome.warnings.push(format!(
+                "rates `{}`: the gyroscope of {} shows {scale:+.3} of the rate of the table: its sign is turned, or another axis lies along that of the table; \
+                 correct `axis`, or `scale` of its column",
+                record.name,
+                AXES[record.axis.index()]
+            ));
+        }
+    }
+
+    /// What each step shows beyond the straight line through all of them, in rad/s.
+    fn beyond_the_line(&self, values: &[f64], found: &Fit<TERMS>) -> Vec<f64> {
+        let slope = found.derived(|p| self.line(p, |_| true)).value;
+        let count = values.len().max(1) as f64;
+        let mean = |of: &dyn Fn(usize) -> f64| (0..values.len()).map(of).sum::<f64>() / count;
+        let level = mean(&|k| values[k] - slope * self.each[k].table);
+        values.iter().zip(&self.each).map(|(value, step)| value - slope * step.table - level).collect()
+    }
+
+    fn table(
+        &self,
+        samples: &UnitSamples,
+        values: &[f64],
+        found: &Fit<TERMS>,
+        record: &RatesRecord,
+    ) -> TextTable {
+        let columns = [
+            ColumnHead::number("step", ""),
+            ColumnHead::number("from", "s"),
+            ColumnHead::number("to", "s"),
+            ColumnHead::text("reached from"),
+            ColumnHead::number("rate", "deg/s"),
+            ColumnHead::number("shown", "deg/s"),
+            ColumnHead::number("beyond the straight line", "ppm of the largest rate"),
+        ];
+        let mut table = TextTable::new(format!("Steps of the rate table: {}", record.name), columns);
+        let beyond = self.beyond_the_line(values, found);
+        for (place, (step, (value, beyond))) in self.each.iter().zip(values.iter().zip(beyond)).enumerate() {
+            let time = |row: usize| format!("{:.2}", samples.time_s(row));
+            let from = match step.direction {
+                up if up > 0.0 => "below",
+                down if down < 0.0 => "above",
+                _ => "–",
+            };
+            table.push([
+                (place + 1).to_string(),
+                time(step.rows.start),
+                time(step.rows.end.saturating_sub(1)),
+                from.to_owned(),
+                format!("{:+.4}", step.table.to_degrees()),
+                format!("{:+.4}", value.to_degrees()),
+                format!("{:+.1}", 1e6 * beyond / self.largest),
+            ]);
+        }
+        table
+    }
+
+    fn figure(
+        &self,
+        samples: &UnitSamples,
+        values: &[f64],
+        found: &Fit<TERMS>,
+        record: &RatesRecord,
+    ) -> Figure {
+        let time: Vec<f64> = (0..samples.recording.rows()).map(|row| samples.time_s(row)).collect();
+        let table: Vec<f64> = samples.further().iter().map(|rate| rate.to_degrees()).collect();
+        let mut above = Panel::new(Axis::new("time", "s"), Axis::new("rate of the table", "deg/s"))
+            .with(Series::line("table", SeriesRole::Measured, pairs(&time, &table).collect::<Vec<_>>()));
+        for (place, step) in self.each.iter().enumerate() {
+            let label = if place == 0 { "taken as constant" } else { "" };
+            let ends = [step.rows.start, step.rows.end.saturating_sub(1)]
+                .map(|row| (samples.time_s(row), step.table.to_degrees()));
+            above = above.with(Series::line(label, SeriesRole::Estimate, ends));
+        }
+        let beyond = self.beyond_the_line(values, found);
+        let mut below = Panel::new(
+            Axis::new("rate of the table", "deg/s"),
+            Axis::new("beyond the line", "ppm of the largest rate"),
+        );
+        for (label, sign, role) in [
+            ("reached from below", 1.0, SeriesRole::Estimate),
+            ("reached from above", -1.0, SeriesRole::Reference),
+            ("first step", 0.0, SeriesRole::Measured),
+        ] {
+            let points: Vec<(f64, f64)> = self
+                .each
+                .iter()
+                .zip(&beyond)
+                .filter(|(step, _)| step.direction == sign)
+                .map(|(step, beyond)| (step.table.to_degrees(), 1e6 * beyond / self.largest))
+                .collect();
+            below = below.with(Series::points(label, role, points));
+        }
+        Figure::new(
+            format!("rates-{}", record.name),
+            format!("Rates: {}", record.name),
+            "The rate of the table with the parts that were taken as constant, and by how much the gyroscope differs at each of them from a straight line.",
+        )
+        .with(above)
+        .with(below)
+    }
+}

@@ -1,0 +1,224 @@
+//! Reading a file of the unit: its channels, divided at the gaps.
+
+use super::error::CalibrationError;
+use super::files::{InputFiles, columns, require_usable};
+use super::stretches::{RecordStretches, stretches};
+use super::tone::AXES;
+use crate::calibration::file::InertialUnit;
+use crate::config::{Channels, Clock, ColumnChoice, FileColumns, FileFormat, Key, Segments};
+use crate::recording::{Finding, FindingKind, RecordingLayout, SampledRecording, Segment};
+use crate::units::{Kind, kind};
+use std::ops::Range;
+use std::path::Path;
+
+/// How a file of the unit is written, and which of its columns are read.
+#[derive(Clone, Debug)]
+pub struct RecordOfUnit<'a> {
+    /// The file as the calibration file names it.
+    pub file: &'a Path,
+    /// How it is written.
+    pub format: Option<&'a FileFormat>,
+    /// The column that divides it.
+    pub segments: Option<&'a Segments>,
+    /// By the nominal rate if left out.
+    pub clock: Option<&'a Clock>,
+    /// The gyroscopes' columns by axis.
+    pub channels: Option<&'a Channels>,
+    /// The accelerometers' columns by axis.
+    pub accelerometers: Option<&'a Channels>,
+    /// A further column with its key and kind: the rate of a table, a temperature.
+    pub further: Option<(&'a str, &'a ColumnChoice, &'static Kind)>,
+}
+
+/// The samples of such a file.
+pub(super) struct UnitSamples {
+    /// The file, for messages.
+    pub place: String,
+    pub recording: SampledRecording,
+    pub time: RecordTime,
+    /// The columns of the gyroscopes and of the accelerometers, axis by axis, and the further one.
+    rates: [Option<String>; 3],
+    forces: [Option<String>; 3],
+    further: Option<String>,
+    /// What a reader has to know of the times, in sentences.
+    pub remarks: Vec<String>,
+}
+
+impl<'a> RecordOfUnit<'a> {
+    /// The columns of the file, with a clock that is the unit's own if none is stated.
+    pub fn in_file(&'a self, clock: &'a Clock) -> FileColumns<'a> {
+        let channels = [self.channels, self.accelerometers];
+        let mut all: Vec<_> = channels.into_iter().flatten().flat_map(Channels::in_file).collect();
+        all.extend(self.further.map(|(key, column, _)| (key, column, None)));
+        FileColumns::new(self.format, clock, all).divided_by(self.segments)
+    }
+
+    fn layout(&self, unit: &InertialUnit) -> RecordingLayout {
+        let clock = self.clock.cloned().unwrap_or_else(|| unit.clock());
+        self.in_file(&clock).layout(None)
+    }
+
+    /// Reads the file that stands at this key.
+    pub(super) fn read(&self, files: &mut InputFiles, key: Key) -> Result<UnitSamples, CalibrationError> {
+        let unit = &files.file.gyroscope;
+        let path = files.file.resolve(self.file, "");
+        let recording = files.read(key, &path, &self.layout(unit))?;
+        if let Some((_, column, _)) = self.further {
+            // A set value stays where it was set.
+            let is_set = |finding: &Finding| {
+                finding.column.as_deref() == Some(column.name())
+                    && matches!(finding.kind, FindingKind::Saturation | FindingKind::Stuck)
+            };
+            files.named.findings.retain(|(_, finding)| !is_set(finding));
+        }
+        let used = [columns(self.channels), columns(self.accelerometers)].concat();
+        for segment in recording.segments() {
+            require_usable(&recording, segment, &used)?;
+        }
+        let mut remarks = Vec::new();
+        let time = RecordTime::of(&recording, unit, self.clock, &mut remarks);
+        let axes = |channels: Option<&Channels>, kind: &Kind| -> Result<_, CalibrationError> {
+            let mut axes = [None, None, None];
+            for (axis, slot) in AXES.iter().zip(&mut axes) {
+                if let Some(column) = channels.and_then(|channels| channels.column(axis)) {
+                    recording.column_of(column, kind)?;
+                    *slot = Some(column.to_owned());
+                }
+            }
+            Ok(axes)
+        };
+        let further = match self.further {
+            Some((_, column, kind)) => {
+                recording.column_of(column.name(), kind)?;
+                Some(column.name().to_owned())
+            }
+            None => None,
+        };
+        Ok(UnitSamples {
+            place: path.display().to_string(),
+            rates: axes(self.channels, &kind::ANGULAR_RATE)?,
+            forces: axes(self.accelerometers, &kind::ACCELERATION)?,
+            further,
+            recording,
+            time,
+            remarks,
+        })
+    }
+}
+
+impl UnitSamples {
+    fn values(&self, column: Option<&String>) -> Option<&[f64]> {
+        Some(&self.recording.column(column?).ok()?.values)
+    }
+
+    /// The gyroscopes' rates in rad/s of all rows, axis by axis.
+    pub fn rates(&self) -> [Option<&[f64]>; 3] {
+        self.rates.each_ref().map(|column| self.values(column.as_ref()))
+    }
+
+    /// The accelerometers' specific forces in m/s².
+    pub fn forces(&self) -> [Option<&[f64]>; 3] {
+        self.forces.each_ref().map(|column| self.values(column.as_ref()))
+    }
+
+    /// The further column in SI.
+    pub fn further(&self) -> &[f64] {
+        self.values(self.further.as_ref()).unwrap_or_default()
+    }
+
+    /// The time of a row in s.
+    pub fn time_s(&self, row: usize) -> f64 {
+        let segment = self.recording.segments().iter().find(|segment| segment.rows.contains(&row));
+        segment.map_or(f64::NAN, |segment| segment.time.at(row - segment.rows.start))
+    }
+}
+
+/// The rows between gaps in time, and the interval of their samples in s.
+pub(super) struct RecordTime {
+    pub rows: Vec<Range<usize>>,
+    pub interval_s: f64,
+}
+
+impl RecordTime {
+    fn of(
+        recording: &SampledRecording,
+        unit: &InertialUnit,
+        clock: Option<&Clock>,
+        remarks: &mut Vec<String>,
+    ) -> Self {
+        let place = &recording.source().file;
+        let mut rows = Vec::new();
+        // By the number of samples, as the interval of a longer segment is known better.
+        let (mut weight, mut sum) = (0.0, 0.0);
+        for segment in recording.segments() {
+            let start = segment.rows.start;
+            let whole = || std::iter::once(0..segment.rows.len()).collect();
+            let regular = segment.time.interval_s().filter(|_| segment.time.is_uniform());
+            let (found, interval_s) = match regular {
+                Some(interval_s) => (whole(), interval_s),
+                None => match stretches(&segment.time.to_vec()) {
+                    Some(found) => {
+                        remarks.extend(irregular(place, segment, &found));
+                        (found.rows, found.interval_s)
+                    }
+                    None => (whole(), f64::NAN),
+                },
+            };
+            rows.extend(found.into_iter().map(|rows| start + rows.start..start + rows.end));
+            if interval_s.is_finite() {
+                weight += segment.rows.len() as f64;
+                sum += segment.rows.len() as f64 * interval_s;
+            }
+        }
+        let interval_s = match recording.segments() {
+            [one] if one.time.is_uniform() => one.time.interval_s().unwrap_or(f64::NAN),
+            _ => sum / weight,
+        };
+        remarks.extend(off_nominal(place, interval_s, unit, clock));
+        Self { rows, interval_s }
+    }
+}
+
+/// What a reader has to know of times that are not equidistant.
+fn irregular(place: &str, segment: &Segment, found: &RecordStretches) -> Vec<String> {
+    let of = if segment.label.is_empty() { String::new() } else { format!(", segment `{}`", segment.label) };
+    let mut said = Vec::new();
+    if found.burst > 1 {
+        said.push(format!(
+            "{place}{of}: the times come in bursts of up to {} samples, as a host gives them; the samples count as equidistant, \
+             {:.6} Hz over the whole. Where the rate is known, write `clock = {{ rate = \"…\" }}`.",
+            found.burst,
+            found.interval_s.recip()
+        ));
+    }
+    if let Some([gap_s, before_s]) = found.longest_gap {
+        let places = match found.rows.len() - 1 {
+            1 => "one place".to_owned(),
+            several => format!("{several} places"),
+        };
+        said.push(format!(
+            "{place}{of}: samples are missing in {places}; the longest gap is one of {gap_s:.6} s after {before_s} s."
+        ));
+    }
+    said
+}
+
+/// What a column of times shows beside the nominal rate.
+fn off_nominal(place: &str, interval_s: f64, unit: &InertialUnit, clock: Option<&Clock>) -> Option<String> {
+    let Some(Clock::Column(_)) = clock else { return None };
+    let (nominal, tolerance) = (unit.rate.si(), unit.clock_tolerance.as_ref()?.si());
+    let off = interval_s.recip() / nominal - 1.0;
+    // The rounding of a rate that is written with few digits is none of the clock.
+    let is_off = off.abs() > tolerance + 1e-6;
+    is_off.then(|| {
+        format!(
+            "{place}: its times show {:.6} Hz, {:+.3} % off the nominal rate of `{}`, and `clock_tolerance` is {:.3} %: the rate \
+             of the times is used. If the unit gave its samples at another rate here, write `clock = {{ rate = \"…\" }}`; \
+             otherwise correct `gyroscope.rate` or the tolerance.",
+            interval_s.recip(),
+            100.0 * off,
+            unit.rate.text(),
+            100.0 * tolerance
+        )
+    })
+}

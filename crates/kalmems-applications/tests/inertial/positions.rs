@@ -1,0 +1,213 @@
+//! Multi-position calibration without a table.
+
+use super::simulated::{GRAVITY, TURNS, Turns, UNIT, Unit, Vector, dot, frame, scales_and_angles};
+use kalmems_applications::ApplicationFile;
+use kalmems_applications::calibration::{
+    Calibration, CalibrationError, CalibrationSummary, Certificate, GyroscopeCalibration, RecordOutcome,
+    calibrate,
+};
+use kalmems_engines::progress::Silent;
+use std::collections::BTreeMap;
+
+const FILE: &str = "name = \"unit\"\n[gyroscope]\nrate = \"100 Hz\"\n\
+    channels = { x = \"gx_rad_per_s\", y = \"gy_rad_per_s\", z = \"gz_rad_per_s\" }\n\
+    accelerometers = { x = \"ax_m_per_s2\", y = \"ay_m_per_s2\", z = \"az_m_per_s2\" }\n\
+    [positions]\nfile = \"positions.csv\"\ngravity = \"9.80665 m/s^2\"\n";
+
+fn calibrated(unit: &Unit, turns: &Turns, seed: u64, text: &str) -> Result<Calibration, CalibrationError> {
+    let folder = tempfile::tempdir().unwrap();
+    unit.write_positions(&folder.path().join("positions.csv"), turns, seed);
+    calibrate(&GyroscopeCalibration::parse(text, &folder.path().join("unit.toml")).unwrap(), &Silent)
+}
+
+/// Each number by its name, as the simulation had it.
+fn truth(unit: &Unit, turns: &Turns, is_latitude_stated: bool) -> BTreeMap<String, f64> {
+    let mut truth = BTreeMap::new();
+    let mut put = |name: &str, axes: [&str; 3], values: Vector| {
+        for (axis, value) in axes.into_iter().zip(values) {
+            truth.insert(format!("{name}_{axis}"), value);
+        }
+    };
+    let (axes, pairs) = (["x", "y", "z"], ["xy", "xz", "yz"]);
+    let [scale, angles] = scales_and_angles(&unit.accelerometers);
+    put("accelerometer_scale_factor", axes, scale);
+    put("accelerometer_non_orthogonality", pairs, angles);
+    put("accelerometer_bias", axes, unit.accelerometer_bias);
+    let [scale, angles] = scales_and_angles(&unit.gyroscopes);
+    put("gyroscope_scale_factor", axes, scale);
+    put("gyroscope_non_orthogonality", pairs, angles);
+    put("gyroscope_bias", axes, unit.gyroscope_bias);
+    // From the accelerometers' axes to the gyroscopes': the antisymmetric part of the rotation between both frames.
+    let (of_forces, of_rates) = (frame(&unit.accelerometers), frame(&unit.gyroscopes));
+    let turn = |i: usize, j: usize| dot(of_rates[i], of_forces[j]);
+    let half = |i: usize, j: usize| 0.5 * (turn(i, j) - turn(j, i));
+    put("gyroscope_mounting", axes, [half(1, 2), half(2, 0), half(0, 1)]);
+    // The sensitivity is to the force in the accelerometers' frame; the Earth turns a resting unit about the vertical.
+    let earth = if is_latitude_stated { 0.0 } else { 7.292e-5 * turns.latitude.sin() / GRAVITY };
+    for (i, row) in axes.into_iter().enumerate() {
+        for (j, column) in axes.into_iter().enumerate() {
+            let value = dot(unit.force_sensitivity[i], of_forces[j]) + if i == j { earth } else { 0.0 };
+            truth.insert(format!("gyroscope_force_sensitivity_{row}{column}"), value);
+        }
+    }
+    truth
+}
+
+/// How many of these seeds hold each number, and whether each point lies in its own interval.
+fn coverage(seeds: std::ops::Range<u64>) -> BTreeMap<String, usize> {
+    let text = format!("{FILE}latitude = \"{} rad\"\n", TURNS.latitude);
+    let truth = truth(&UNIT, &TURNS, true);
+    let mut held: BTreeMap<String, usize> = truth.keys().map(|name| (name.clone(), 0)).collect();
+    for seed in seeds {
+        let found = calibrated(&UNIT, &TURNS, seed, &text).unwrap();
+        let record = &found.records[0];
+        assert_eq!(record.quantities.len(), truth.len(), "{:?}", record.not_observed);
+        for quantity in &record.quantities {
+            let [low, high] = quantity.estimate.interval;
+            assert!(low < quantity.estimate.value && quantity.estimate.value < high, "{quantity:?}");
+            let value = truth[&quantity.name];
+            *held.get_mut(&quantity.name).unwrap() += usize::from(low <= value && value <= high);
+        }
+    }
+    held
+}
+
+#[test]
+fn positions_give_both_sensors_with_intervals_that_hold_what_was_simulated() {
+    let held = coverage(0..6);
+    // Three or fewer of six come once in 400 times for one number; all together are 5.7 of six.
+    assert!(held.values().all(|held| *held >= 3), "{held:?}");
+    let all: usize = held.values().sum();
+    assert!(all as f64 >= 0.9 * 6.0 * held.len() as f64, "{all}: {held:?}");
+}
+
+#[test]
+#[ignore = "200 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
+fn slow_intervals_by_positions_hold_95_of_100() {
+    let held = coverage(1000..1200);
+    for (name, held) in &held {
+        println!("{name}: {held} of 200");
+    }
+    // Fewer than 180 of 200 come once in 1000 times.
+    assert!(held.values().all(|held| *held >= 180), "{held:?}");
+    let all: usize = held.values().sum();
+    let part = all as f64 / (200.0 * held.len() as f64);
+    assert!((0.94..0.97).contains(&part), "{part}");
+}
+
+fn record(found: &Calibration) -> &RecordOutcome {
+    &found.records[0]
+}
+
+/// Gravity that is stated with 100 ppm enters the scale factors of the accelerometers in full, and nothing else.
+#[test]
+fn the_uncertainty_of_gravity_is_that_of_the_scale_factors() {
+    let stated = format!("{FILE}gravity_uncertainty = \"0.00980665 m/s^2\"\n");
+    let [without, with] = [FILE, &stated].map(|text| calibrated(&UNIT, &TURNS, 3, text).unwrap());
+    let of = |found: &Calibration, name: &str| *record(found).estimate(name).unwrap();
+    for axis in ["x", "y", "z"] {
+        let name = format!("accelerometer_scale_factor_{axis}");
+        let (alone, all) = (of(&without, &name), of(&with, &name));
+        let expected = alone.uncertainty.hypot(1e-3 * all.value);
+        assert!((all.uncertainty / expected - 1.0).abs() < 1e-9, "{all:?}");
+        let name = format!("accelerometer_bias_{axis}");
+        assert_eq!(of(&without, &name), of(&with, &name));
+    }
+    let missing = Certificate::of(&without).not_stated;
+    assert!(missing.iter().any(|key| key == "positions.gravity_uncertainty"), "{missing:?}");
+    assert!(!Certificate::of(&with).not_stated.iter().any(|key| key.starts_with("positions")));
+    // The Earth's rotation at a latitude that nobody stated is in the sensitivity to the force along the own axis.
+    let own = of(&with, "gyroscope_force_sensitivity_xx");
+    assert!(own.uncertainty > 4.2e-6 && own.by_records < own.uncertainty, "{own:?}");
+}
+
+/// A unit without gyroscopes: the same nine numbers of the accelerometers, to the last bit but for what is taken as still.
+#[test]
+fn accelerometers_alone_are_calibrated_without_gyroscopes() {
+    let channels = "channels = { x = \"gx_rad_per_s\", y = \"gy_rad_per_s\", z = \"gz_rad_per_s\" }\n";
+    let [alone, both] = [FILE.replace(channels, ""), FILE.to_owned()]
+        .map(|text| calibrated(&UNIT, &TURNS, 8, &text).unwrap());
+    assert_eq!(record(&alone).quantities.len(), 9);
+    for quantity in &record(&alone).quantities {
+        let other = record(&both).estimate(&quantity.name).unwrap();
+        let apart = (quantity.estimate.value - other.value).abs() / other.uncertainty;
+        assert!(apart < 0.5, "{quantity:?} {other:?}");
+    }
+    let missing =
+        FILE.replace(channels, "") + "[[condition]]\nname = \"c\"\nfile = \"c.csv\"\nreference = []\n";
+    let said =
+        GyroscopeCalibration::parse(&missing, std::path::Path::new("unit.toml")).unwrap_err().to_string();
+    assert!(said.contains("only a unit of accelerometers that is not shaken has none"), "{said}");
+}
+
+#[test]
+fn exchanged_and_turned_axes_are_named_and_not_certified() {
+    for (from, to, named) in [
+        (
+            "x = \"gx_rad_per_s\", y = \"gy_rad_per_s\"",
+            "x = \"gy_rad_per_s\", y = \"gx_rad_per_s\"",
+            "x and y",
+        ),
+        ("z = \"gz_rad_per_s\"", "z = { column = \"gz_rad_per_s\", scale = -1 }", "gyroscope of z"),
+    ] {
+        let found = calibrated(&UNIT, &TURNS, 4, &FILE.replace(from, to)).unwrap();
+        let warnings = record(&found).warnings.join("\n");
+        assert!(warnings.contains(named) && warnings.contains("turns about another axis"), "{warnings}");
+        assert!(record(&found).estimate("gyroscope_scale_factor_x").is_none());
+        assert!(record(&found).estimate("accelerometer_scale_factor_x").is_some());
+        let certificate = Certificate::of(&found);
+        assert!(!certificate.valid && certificate.validity.iter().any(|check| !check.passes));
+    }
+}
+
+#[test]
+fn a_unit_that_moved_in_a_position_is_named_with_its_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("positions.csv");
+    UNIT.write_positions(&path, &TURNS, 5);
+    // In the seventh position the unit shows a force that is 1 % too large.
+    let text = std::fs::read_to_string(&path).unwrap();
+    let row = |position: usize| 1 + position * 320;
+    let changed: Vec<String> = text
+        .lines()
+        .enumerate()
+        .map(|(place, line)| {
+            if !(row(6)..row(6) + 200).contains(&place) {
+                return line.to_owned();
+            }
+            let mut cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+            (0..3).for_each(|axis| cells[axis] *= 1.01);
+            cells.iter().map(ToString::to_string).collect::<Vec<_>>().join(",")
+        })
+        .collect();
+    std::fs::write(&path, changed.join("\n")).unwrap();
+    let file = GyroscopeCalibration::parse(FILE, &folder.path().join("unit.toml")).unwrap();
+    let found = calibrate(&file, &Silent).unwrap();
+    let warnings = record(&found).warnings.join("\n");
+    assert!(warnings.contains("position 7 at 19.") && warnings.contains("may have moved"), "{warnings}");
+    assert!(!Certificate::of(&found).valid);
+}
+
+#[test]
+fn what_the_positions_do_not_determine_is_named_with_the_position_to_add() {
+    // The third axis stays within 30 degrees of level: nothing tells it well, and the position to add has it upright.
+    let found = calibrated(&UNIT, &TURNS, 6, FILE).unwrap();
+    let lines = record(&found).not_observed.join("\n");
+    assert!(
+        lines.contains("a further position") && lines.contains("orientation of the accelerometers"),
+        "{lines}"
+    );
+    let text = CalibrationSummary::of(&found).to_text();
+    for part in ["accelerometer scale factor x", "gyroscope mounting z", "Positions at rest", "deg/h/gn"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let few = calibrated(&UNIT, &Turns { positions: 9, ..TURNS }, 6, FILE).unwrap_err().to_string();
+    assert!(few.contains("found 9 positions") && few.contains("expected at least 12"), "{few}");
+    let refused = |text: &str| {
+        GyroscopeCalibration::parse(text, std::path::Path::new("unit.toml")).unwrap_err().to_string()
+    };
+    let said = refused(&FILE.replace(", z = \"az_m_per_s2\"", ""));
+    assert!(said.contains("positions calibrate three accelerometers"), "{said}");
+    let said = refused(&FILE.replace(", z = \"gz_rad_per_s\"", ""));
+    assert!(said.contains("three gyroscopes or none"), "{said}");
+}
