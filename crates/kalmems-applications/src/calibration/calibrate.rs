@@ -16,7 +16,7 @@ use super::peaks::{HALF_WINDOW, PeakToPeak};
 use super::positions_record;
 use super::quantities::RecordOutcome;
 use super::rates_record;
-use super::rest::{AxisAtRest, Sensor};
+use super::rest::{AxisAtRest, InertialSensor};
 use super::rest_record::{self, MeasuredRest};
 use super::temperature_record;
 use super::tone::{AXES, VibrationTone};
@@ -107,7 +107,7 @@ const DIFFERENT: f64 = 0.999;
 /// Axes whose bias under vibration is not that at rest.
 fn differing_biases(results: &[CalibratedGyroscope], rest: &[AxisAtRest]) -> Vec<String> {
     let of_result = |result: &CalibratedGyroscope| -> Vec<String> {
-        let gyroscopes = rest.iter().filter(|rest| rest.sensor == Sensor::Gyroscope);
+        let gyroscopes = rest.iter().filter(|rest| rest.sensor == InertialSensor::Gyroscope);
         let each = gyroscopes.filter_map(|rest| {
             let place = AXES.iter().position(|axis| *axis == rest.axis)?;
             let (shaken, still) = (result.bias[place]?, rest.bias_estimate());

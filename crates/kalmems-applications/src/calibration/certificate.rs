@@ -6,7 +6,7 @@ use super::comparison::ReferenceComparison;
 use super::inputs::{OF_REPEATABILITY, OF_REPRODUCIBILITY};
 use super::outcome::{CalibratedGyroscope, Calibration, CrossCheck, UncertainEstimate};
 use super::quantities::{CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome};
-use super::rest::{BiasMethod, Sensor};
+use super::rest::{BiasMethod, InertialSensor};
 use super::results::{at_rest, budget, comparisons, matrix, with_uncertainty};
 use super::tone::AXES;
 use crate::calibration::file::CertificateDetails;
@@ -199,7 +199,7 @@ impl<'a> Certificate<'a> {
         }
         not_stated.extend(found.records.iter().flat_map(|record| record.not_stated.iter().cloned()));
         // The mean of an accelerometer at rest has gravity in it and is no bias.
-        let gyroscopes = found.rest.iter().filter(|rest| rest.sensor == Sensor::Gyroscope);
+        let gyroscopes = found.rest.iter().filter(|rest| rest.sensor == InertialSensor::Gyroscope);
         let bias = gyroscopes.map(|rest| CertifiedBias {
             axis: rest.axis,
             bias: CertifiedValue::of(&rest.bias_estimate(), details),
@@ -325,8 +325,9 @@ fn method(found: &Calibration) -> String {
     if !found.results.is_empty() {
         method += " The sign of a scale factor is not determined.";
     }
-    let by =
-        |method| found.rest.iter().any(|rest| rest.sensor == Sensor::Gyroscope && rest.bias_method == method);
+    let by = |method| {
+        found.rest.iter().any(|rest| rest.sensor == InertialSensor::Gyroscope && rest.bias_method == method)
+    };
     if by(BiasMethod::NoiseFit) {
         method += " The bias is the mean of a record at rest; its standard uncertainty is Allan's deviation at the length of the record by the noise \
                    that was fitted to Allan's variances, with the degrees of freedom of the variance at an eighth of the record.";
@@ -489,6 +490,27 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
         }
         page = page.with(section);
     }
+    page = page.with(checks_section(certificate, found));
+    if !certificate.not_stated.is_empty() {
+        let mut section = PageSection::new("Not stated");
+        for line in &certificate.not_stated {
+            section = section.notice(NoticeSeverity::Note, line.clone());
+        }
+        page = page.with(section);
+    }
+    page = page.with(PageSection::new("Records").table(files_table(certificate)).paragraph(format!(
+        "Computed by {}. The same files give the same certificate to the last byte.",
+        certificate.software
+    )));
+    page.with(PageSection::new("Statements and authorisation").paragraph(STATEMENT).key_values([
+        ("Authorised by (name, function)", ""),
+        ("Signature", ""),
+        ("Date", ""),
+    ]))
+}
+
+/// The checks of a calibration, and the numbers that its records do not show.
+fn checks_section(certificate: &Certificate, found: &Calibration) -> PageSection {
     let mut valid = PageSection::new("Checks of the model of measurement");
     if !certificate.comparisons.is_empty() {
         valid = valid.table(comparisons(certificate.comparisons));
@@ -513,23 +535,7 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
     for finding in &found.findings {
         valid = valid.notice(NoticeSeverity::Note, finding.clone());
     }
-    page = page.with(valid);
-    if !certificate.not_stated.is_empty() {
-        let mut section = PageSection::new("Not stated");
-        for line in &certificate.not_stated {
-            section = section.notice(NoticeSeverity::Note, line.clone());
-        }
-        page = page.with(section);
-    }
-    page = page.with(PageSection::new("Records").table(files_table(certificate)).paragraph(format!(
-        "Computed by {}. The same files give the same certificate to the last byte.",
-        certificate.software
-    )));
-    page.with(PageSection::new("Statements and authorisation").paragraph(STATEMENT).key_values([
-        ("Authorised by (name, function)", ""),
-        ("Signature", ""),
-        ("Date", ""),
-    ]))
+    valid
 }
 
 /// ISO/IEC 17025, 7.8.2.1.

@@ -479,6 +479,50 @@ impl ApplicationFile for GyroscopeCalibration {
                 }
             }
         }
+        self.check_unit_records()?;
+        if let Some(MonteCarlo { trials, .. }) = self.monte_carlo
+            && !(20_000..=10_000_000).contains(&trials)
+        {
+            let why = format!("`{trials}` trials; expected 20000 to 10000000");
+            return refuse(Key::from("monte_carlo").child("trials"), why);
+        }
+        let mut conditions = BTreeMap::new();
+        for (index, condition) in self.conditions.iter().enumerate() {
+            let key = Key::from("condition").index(index);
+            if let Some(first) = conditions.insert(&condition.name, key.clone()) {
+                return Err(self.duplicate(key, &condition.name, &first));
+            }
+            if is_per_record(&condition.file) && condition.records.is_none() {
+                let why =
+                    "a file for each record needs their names, such as `records = [\"test1\", \"test2\"]`";
+                return refuse(key.child("records"), why.to_owned());
+            }
+            if condition.references.is_empty() {
+                let why = "found no reference; expected at least one `[[condition.reference]]`";
+                return refuse(key.child("reference"), why.to_owned());
+            }
+            let mut names = BTreeMap::new();
+            for (number, reference) in condition.references.iter().enumerate() {
+                let key = key.clone().child("reference").index(number);
+                self.check_axes(&key.clone().child("channels"), &reference.channels)?;
+                self.check_columns(&key, &reference.in_file())?;
+                if let Err(why) = reference.uncertainty.check() {
+                    return refuse(key.child("uncertainty").child("correlation"), why);
+                }
+                if let Some(first) = names.insert(&reference.name, key.clone()) {
+                    return Err(self.duplicate(key, &reference.name, &first));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl GyroscopeCalibration {
+    /// Checks the records of a unit that no reference shakes: at rest, in positions, over the temperature and on a rate table.
+    fn check_unit_records(&self) -> Result<(), ConfigError> {
+        let refuse = |key: Key, why: String| Err(self.error(key, ConfigFault::Value { why }));
+        let unit = Key::from("gyroscope");
         if let Some(rest) = &self.rest {
             let key = Key::from("rest");
             self.check_record(&key, &rest.of_unit(&self.gyroscope))?;
@@ -519,45 +563,9 @@ impl ApplicationFile for GyroscopeCalibration {
             }
             self.check_record(&key, &record.of_unit(&self.gyroscope))?;
         }
-        if let Some(MonteCarlo { trials, .. }) = self.monte_carlo
-            && !(20_000..=10_000_000).contains(&trials)
-        {
-            let why = format!("`{trials}` trials; expected 20000 to 10000000");
-            return refuse(Key::from("monte_carlo").child("trials"), why);
-        }
-        let mut conditions = BTreeMap::new();
-        for (index, condition) in self.conditions.iter().enumerate() {
-            let key = Key::from("condition").index(index);
-            if let Some(first) = conditions.insert(&condition.name, key.clone()) {
-                return Err(self.duplicate(key, &condition.name, &first));
-            }
-            if is_per_record(&condition.file) && condition.records.is_none() {
-                let why =
-                    "a file for each record needs their names, such as `records = [\"test1\", \"test2\"]`";
-                return refuse(key.child("records"), why.to_owned());
-            }
-            if condition.references.is_empty() {
-                let why = "found no reference; expected at least one `[[condition.reference]]`";
-                return refuse(key.child("reference"), why.to_owned());
-            }
-            let mut names = BTreeMap::new();
-            for (number, reference) in condition.references.iter().enumerate() {
-                let key = key.clone().child("reference").index(number);
-                self.check_axes(&key.clone().child("channels"), &reference.channels)?;
-                self.check_columns(&key, &reference.in_file())?;
-                if let Err(why) = reference.uncertainty.check() {
-                    return refuse(key.child("uncertainty").child("correlation"), why);
-                }
-                if let Some(first) = names.insert(&reference.name, key.clone()) {
-                    return Err(self.duplicate(key, &reference.name, &first));
-                }
-            }
-        }
         Ok(())
     }
-}
 
-impl GyroscopeCalibration {
     /// Refuses a column that is read in two ways.
     fn check_columns(&self, key: &Key, file: &FileColumns) -> Result<(), ConfigError> {
         file.check().map_err(|(_, why)| self.error(key.clone(), ConfigFault::Value { why }))

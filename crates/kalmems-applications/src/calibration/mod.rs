@@ -67,7 +67,7 @@ pub use peaks::{HALF_WINDOW, PeakToPeak};
 pub use quantities::{
     CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome, TemperaturePolynomial,
 };
-pub use rest::{AxisAtRest, BiasMethod, NoiseTerm, Sensor};
+pub use rest::{AxisAtRest, BiasMethod, InertialSensor, NoiseTerm};
 #[cfg(feature = "report")]
 pub use results::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};
 pub use simulated::{SimulatedInstrument, SimulatedUnit, Vibration};

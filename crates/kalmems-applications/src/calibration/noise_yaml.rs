@@ -1,21 +1,21 @@
 //! The noise of a unit at rest as visual-inertial calibration (Kalibr) and drivers of ROS read it.
 
-use super::rest::{AxisAtRest, Sensor};
+use super::rest::{AxisAtRest, InertialSensor};
 use std::fmt::Write as _;
 
 /// A key of the file, its unit, and the size of an axis with the upper end of its interval.
 type NoiseKey = (&'static str, &'static str, fn(&AxisAtRest) -> Option<[f64; 2]>);
 
-const KEYS: [(Sensor, [NoiseKey; 2]); 2] = [
+const KEYS: [(InertialSensor, [NoiseKey; 2]); 2] = [
     (
-        Sensor::Accelerometer,
+        InertialSensor::Accelerometer,
         [
             ("accelerometer_noise_density", "m/s^2/sqrt(Hz)", white),
             ("accelerometer_random_walk", "m/s^3/sqrt(Hz)", walk),
         ],
     ),
     (
-        Sensor::Gyroscope,
+        InertialSensor::Gyroscope,
         [
             ("gyroscope_noise_density", "rad/s/sqrt(Hz)", white),
             ("gyroscope_random_walk", "rad/s^2/sqrt(Hz)", walk),

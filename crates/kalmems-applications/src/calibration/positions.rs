@@ -348,8 +348,8 @@ pub(super) fn positions_standing_out(
 }
 
 /// Scale factors, non-orthogonality and mounting of a matrix, in the order of the axes.
-pub(super) fn alignment_numbers(matrix: [[Dual9; 3]; 3]) -> [[Dual9; 3]; 3] {
-    let alignment = Alignment::of(&matrix);
+pub(super) fn alignment_numbers(matrix: &[[Dual9; 3]; 3]) -> [[Dual9; 3]; 3] {
+    let alignment = Alignment::of(matrix);
     [alignment.scale, alignment.non_orthogonality, alignment.mounting]
 }
 

@@ -170,7 +170,7 @@ fn of_accelerometers(
     let number = |of: &dyn Fn(&[Dual9; 9]) -> Dual9| found.derived(of);
     for (kind, names) in [AXES, PAIRS].into_iter().enumerate() {
         for (place, name) in names.into_iter().enumerate() {
-            let derived = number(&|p| alignment_numbers(accelerometer_matrix(p))[kind][place]);
+            let derived = number(&|p| alignment_numbers(&accelerometer_matrix(p))[kind][place]);
             let mut inputs = by_scatter(derived.deviation, found.degrees_of_freedom);
             let (what, unit) =
                 [("scale_factor", QuantityUnit::RATIO), ("non_orthogonality", QuantityUnit::ANGLE)][kind];
@@ -229,7 +229,7 @@ fn judge_accelerometers(
 fn of_gyroscopes(outcome: &mut RecordOutcome, found: &GyroscopeFit, freedom_of_accelerometers: usize) {
     let matrix = gyroscope_matrix(&Dual9::variables(&found.fit.parameters));
     let own = |axis: usize| {
-        let row = matrix[axis].map(|entry| entry.value());
+        let row = matrix[axis].map(Dual9::value);
         row[axis] / row.iter().map(|part| part * part).sum::<f64>().sqrt()
     };
     let exchanged: Vec<&str> = (0..3).filter(|axis| own(*axis) < OWN_AXIS).map(|axis| AXES[axis]).collect();
@@ -264,7 +264,7 @@ fn of_gyroscopes(outcome: &mut RecordOutcome, found: &GyroscopeFit, freedom_of_a
     for (kind, (what, names, unit)) in kinds.into_iter().enumerate() {
         for (place, name) in names.into_iter().enumerate() {
             let (value, [by_motions, by_accelerometers]) =
-                found.derived(|p| alignment_numbers(gyroscope_matrix(p))[kind][place]);
+                found.derived(|p| alignment_numbers(&gyroscope_matrix(p))[kind][place]);
             let mut inputs = by_scatter(by_motions, found.fit.degrees_of_freedom);
             let freedom = freedom_of_accelerometers as f64;
             inputs.push(contribution(

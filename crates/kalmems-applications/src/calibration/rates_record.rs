@@ -55,6 +55,8 @@ struct Steps {
 
 /// A number with its derivatives by the terms.
 type TermDual = Dual<f64, TERMS>;
+/// A number that follows from the terms of the fit.
+type TermFunction<'a> = &'a dyn Fn(&[TermDual; TERMS]) -> TermDual;
 
 /// The outcome of each record on a rate table.
 pub(super) fn measure(files: &mut InputFiles) -> Result<Vec<RecordOutcome>, CalibrationError> {
@@ -217,7 +219,7 @@ impl Steps {
         let asymmetry = |p: &[TermDual; TERMS]| {
             (self.line(p, |rate| rate > SAME) - self.line(p, |rate| rate < -SAME)) * scale(p).recip()
         };
-        let numbers: [(&str, QuantityUnit, &dyn Fn(&[TermDual; TERMS]) -> TermDual); 5] = [
+        let numbers: [(&str, QuantityUnit, TermFunction<'_>); 5] = [
             ("scale_factor", QuantityUnit::RATIO, &scale),
             ("asymmetry", QuantityUnit { factor: 1e6, shown: "ppm", ..QuantityUnit::RATIO }, &asymmetry),
             ("second_order", QuantityUnit::other("s/rad", 1e6 * degree, "ppm/(deg/s)"), &|p| {

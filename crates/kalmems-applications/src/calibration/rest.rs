@@ -17,7 +17,7 @@ const DRIFT: f64 = 3.9;
 /// What a channel of the unit measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Sensor {
+pub enum InertialSensor {
     /// An angular rate in rad/s.
     #[default]
     Gyroscope,
@@ -40,7 +40,7 @@ pub struct NoiseTerm {
     pub shown: (f64, &'static str),
 }
 
-impl Sensor {
+impl InertialSensor {
     /// The unit of its values.
     pub const fn unit(self) -> &'static str {
         match self {
@@ -77,7 +77,7 @@ const RELATIVES: [(&str, Deviation); 3] = [
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AxisAtRest {
     /// What the channel measures. The units below are those of a gyroscope: of an accelerometer they are m/s² for rad/s, and m/s for rad.
-    pub sensor: Sensor,
+    pub sensor: InertialSensor,
     /// `x`, `y` or `z`.
     pub axis: &'static str,
     /// How many samples.
@@ -226,7 +226,7 @@ impl AxisAtRest {
             times.min_by(|a, b| fit.deviation(*a).total_cmp(&fit.deviation(*b)))
         });
         Some(Self {
-            sensor: Sensor::default(),
+            sensor: InertialSensor::default(),
             axis,
             samples,
             duration_s,
@@ -274,13 +274,13 @@ impl AxisAtRest {
         let (shown, shown_unit) = self.sensor.shown();
         let degrees = 1.0_f64.to_degrees();
         let named = match self.sensor {
-            Sensor::Gyroscope => [
+            InertialSensor::Gyroscope => [
                 ("angle random walk", "rad/s^(1/2)", (60.0 * degrees, "deg/√h")),
                 ("bias instability", "rad/s", (shown, shown_unit)),
                 ("rate random walk", "rad/s^(3/2)", (60.0 * shown, "deg/h/√h")),
                 ("angle quantisation", "rad", (3600.0 * degrees, "arcsec")),
             ],
-            Sensor::Accelerometer => [
+            InertialSensor::Accelerometer => [
                 ("velocity random walk", "m/s^(3/2)", (60.0, "m/s/√h")),
                 ("bias instability", "m/s^2", (shown, shown_unit)),
                 ("acceleration random walk", "m/s^(5/2)", (60.0 * shown, "ugn/√h")),

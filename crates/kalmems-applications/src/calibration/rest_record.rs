@@ -3,7 +3,7 @@
 use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::motion::{RestMotion, motions};
-use super::rest::{AxisAtRest, Sensor, finite_runs};
+use super::rest::{AxisAtRest, InertialSensor, finite_runs};
 use super::rest_spectrum::{RestLine, RestSpectrum};
 use super::tone::AXES;
 use super::unit_record::UnitSamples;
@@ -26,8 +26,8 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<MeasuredRest, Calibratio
     let mut samples = record.read(files, Key::from("rest").child("file"))?;
     let mut found = MeasuredRest { remarks: std::mem::take(&mut samples.remarks), ..MeasuredRest::default() };
     for (sensor, channels, all) in [
-        (Sensor::Gyroscope, record.channels, samples.rates()),
-        (Sensor::Accelerometer, record.accelerometers, samples.forces()),
+        (InertialSensor::Gyroscope, record.channels, samples.rates()),
+        (InertialSensor::Accelerometer, record.accelerometers, samples.forces()),
     ] {
         for (axis, values) in AXES.into_iter().zip(all) {
             let Some((values, column)) = values.zip(channels.and_then(|c| c.column(axis))) else {
@@ -44,7 +44,7 @@ impl MeasuredRest {
     fn measure(
         &mut self,
         samples: &UnitSamples,
-        (sensor, axis): (Sensor, &'static str),
+        (sensor, axis): (InertialSensor, &'static str),
         values: &[f64],
         place: &str,
     ) -> Result<(), CalibrationError> {

@@ -6,8 +6,8 @@ use super::compensation_header::header;
 use super::noise_yaml::noise_yaml;
 use crate::WriteError;
 use crate::calibration::{
-    AXES, AxisAtRest, CalibratedGyroscope, Calibration, QuantityUnit, RecordOutcome, ScaleFactorChange,
-    Sensor, TemperaturePolynomial, UncertainEstimate,
+    AXES, AxisAtRest, CalibratedGyroscope, Calibration, InertialSensor, QuantityUnit, RecordOutcome,
+    ScaleFactorChange, TemperaturePolynomial, UncertainEstimate,
 };
 use crate::recording::RecordingSource;
 use crate::signal::Confident;
@@ -604,7 +604,7 @@ pub fn calibration_figures(found: &Calibration) -> Vec<Figure> {
     let mut figures: Vec<Figure> =
         found.results.iter().filter(|r| r.records.len() > 1).map(of_records).collect();
     figures.extend(found.results.iter().map(of_budget));
-    for sensor in [Sensor::Gyroscope, Sensor::Accelerometer] {
+    for sensor in [InertialSensor::Gyroscope, InertialSensor::Accelerometer] {
         let rests: Vec<&AxisAtRest> = found.rest.iter().filter(|rest| rest.sensor == sensor).collect();
         if !rests.is_empty() {
             figures.push(of_rest(&rests, sensor));
@@ -616,10 +616,10 @@ pub fn calibration_figures(found: &Calibration) -> Vec<Figure> {
 }
 
 /// The identifier of the figure of a sensor at rest, and the stem of its table.
-const fn allan_id(sensor: Sensor) -> &'static str {
+const fn allan_id(sensor: InertialSensor) -> &'static str {
     match sensor {
-        Sensor::Gyroscope => "allan",
-        Sensor::Accelerometer => "allan-accelerometers",
+        InertialSensor::Gyroscope => "allan",
+        InertialSensor::Accelerometer => "allan-accelerometers",
     }
 }
 
@@ -708,7 +708,7 @@ fn deviation_axis(rest: &AxisAtRest) -> Axis {
 }
 
 /// Allan's deviation of each axis.
-fn of_rest(rests: &[&AxisAtRest], sensor: Sensor) -> Figure {
+fn of_rest(rests: &[&AxisAtRest], sensor: InertialSensor) -> Figure {
     let figure = Figure::new(
         allan_id(sensor),
         "At rest",
@@ -754,10 +754,10 @@ fn of_rest(rests: &[&AxisAtRest], sensor: Sensor) -> Figure {
 }
 
 /// The density of each axis with the fitted noise and the lines that stand out.
-fn of_density(rests: &[&AxisAtRest], sensor: Sensor) -> Figure {
+fn of_density(rests: &[&AxisAtRest], sensor: InertialSensor) -> Figure {
     let (id, unit) = match sensor {
-        Sensor::Gyroscope => ("density", "rad/s/Hz^(1/2)"),
-        Sensor::Accelerometer => ("density-accelerometers", "m/s^2/Hz^(1/2)"),
+        InertialSensor::Gyroscope => ("density", "rad/s/Hz^(1/2)"),
+        InertialSensor::Accelerometer => ("density-accelerometers", "m/s^2/Hz^(1/2)"),
     };
     let figure = Figure::new(
         id,
@@ -806,7 +806,7 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
     if !found.results.is_empty() {
         output.write("records.csv", |w| records(&found.results, w))?;
     }
-    for sensor in [Sensor::Gyroscope, Sensor::Accelerometer] {
+    for sensor in [InertialSensor::Gyroscope, InertialSensor::Accelerometer] {
         let rests: Vec<&AxisAtRest> = found.rest.iter().filter(|rest| rest.sensor == sensor).collect();
         if !rests.is_empty() {
             output.write(&format!("{}.csv", allan_id(sensor)), |w| allan(&rests, sensor, w))?;
@@ -915,10 +915,10 @@ fn records(results: &[CalibratedGyroscope], w: &mut dyn Write) -> io::Result<()>
     table.flush()
 }
 
-fn allan(rests: &[&AxisAtRest], sensor: Sensor, w: &mut dyn Write) -> io::Result<()> {
+fn allan(rests: &[&AxisAtRest], sensor: InertialSensor, w: &mut dyn Write) -> io::Result<()> {
     let unit = match sensor {
-        Sensor::Gyroscope => "rad_per_s",
-        Sensor::Accelerometer => "m_per_s2",
+        InertialSensor::Gyroscope => "rad_per_s",
+        InertialSensor::Accelerometer => "m_per_s2",
     };
     writeln!(w, "axis,time_s,deviation_{unit},low_{unit},high_{unit},freedom_1,exponent_1")?;
     for rest in rests {

@@ -4,7 +4,7 @@ use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::linear_model::LinearModel;
 use super::quantities::{QuantityUnit, RecordOutcome, STANDARD_GRAVITY, TemperaturePolynomial, by_scatter};
-use super::rest::Sensor;
+use super::rest::InertialSensor;
 use super::tone::AXES;
 use super::unit_record::UnitSamples;
 use crate::calibration::file::{GyroscopeCalibration, RatesRecord};
@@ -28,7 +28,7 @@ const ROWS: usize = 5;
 
 /// The mean of a block.
 #[derive(Clone, Copy)]
-struct Block {
+struct TemperatureBlock {
     /// In K.
     temperature: f64,
     value: f64,
@@ -36,12 +36,12 @@ struct Block {
 
 /// A direction of the temperature.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Direction {
+enum TemperatureDirection {
     Up,
     Down,
 }
 
-impl Direction {
+impl TemperatureDirection {
     const fn name(self) -> &'static str {
         match self {
             Self::Up => "up",
@@ -64,10 +64,13 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
         .filter(|t| t.is_finite())
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), t| (low.min(*t), high.max(*t)));
     let reference = record.reference.as_ref().map_or(0.5 * (low + high), Quantity::si);
-    for (sensor, all) in [(Sensor::Gyroscope, samples.rates()), (Sensor::Accelerometer, samples.forces())] {
+    for (sensor, all) in
+        [(InertialSensor::Gyroscope, samples.rates()), (InertialSensor::Accelerometer, samples.forces())]
+    {
         for (axis, values) in AXES.into_iter().zip(all) {
             let Some(values) = values else { continue };
-            let cycle = Cycle { samples: &samples, sensor, axis, reference, range: [low, high], order };
+            let cycle =
+                TemperatureCycle { samples: &samples, sensor, axis, reference, range: [low, high], order };
             cycle.measure(&mut outcome, values)?;
         }
     }
@@ -84,9 +87,9 @@ const METHOD: &str = "Temperature: means of equal parts of a record at rest are 
     the degrees of freedom are fewer by as much.";
 
 /// A channel over a cycle of temperature.
-struct Cycle<'a> {
+struct TemperatureCycle<'a> {
     samples: &'a UnitSamples,
-    sensor: Sensor,
+    sensor: InertialSensor,
     axis: &'static str,
     reference: f64,
     range: [f64; 2],
@@ -102,7 +105,7 @@ struct FittedPolynomial {
 
 impl FittedPolynomial {
     /// Of blocks in their order in time.
-    fn of(blocks: &[Block], reference: f64, order: usize) -> Result<Self, FitError> {
+    fn of(blocks: &[TemperatureBlock], reference: f64, order: usize) -> Result<Self, FitError> {
         let terms: Vec<[f64; COEFFICIENTS]> =
             blocks.iter().map(|block| powers(block.temperature - reference)).collect();
         let values: Vec<f64> = blocks.iter().map(|block| block.value).collect();
@@ -140,25 +143,25 @@ fn at(coefficients: &[f64; COEFFICIENTS], off: f64) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, coefficient| sum * off + coefficient)
 }
 
-impl Cycle<'_> {
+impl TemperatureCycle<'_> {
     fn name(&self) -> String {
         match self.sensor {
-            Sensor::Gyroscope => format!("gyroscope_bias_{}", self.axis),
-            Sensor::Accelerometer => format!("accelerometer_at_rest_{}", self.axis),
+            InertialSensor::Gyroscope => format!("gyroscope_bias_{}", self.axis),
+            InertialSensor::Accelerometer => format!("accelerometer_at_rest_{}", self.axis),
         }
     }
 
     /// The unit of a coefficient.
     fn unit(&self, power: usize) -> QuantityUnit {
         let ([units, shown], factor) = match self.sensor {
-            Sensor::Gyroscope => (
+            InertialSensor::Gyroscope => (
                 [
                     ["rad/s", "rad/s/K", "rad/s/K^2", "rad/s/K^3", "rad/s/K^4"],
                     ["deg/h", "deg/h/K", "deg/h/K^2", "deg/h/K^3", "deg/h/K^4"],
                 ],
                 3600.0_f64.to_degrees(),
             ),
-            Sensor::Accelerometer => (
+            InertialSensor::Accelerometer => (
                 [
                     ["m/s^2", "m/s^2/K", "m/s^2/K^2", "m/s^2/K^3", "m/s^2/K^4"],
                     ["ugn", "ugn/K", "ugn/K^2", "ugn/K^3", "ugn/K^4"],
@@ -170,10 +173,10 @@ impl Cycle<'_> {
     }
 
     /// The means of blocks with the direction of the temperature in each.
-    fn blocks(&self, values: &[f64]) -> Vec<(Block, Direction)> {
+    fn blocks(&self, values: &[f64]) -> Vec<(TemperatureBlock, TemperatureDirection)> {
         let rows: usize = self.samples.time.rows.iter().map(ExactSizeIterator::len).sum();
         let length = (rows / BLOCKS).max(SHORTEST_BLOCK);
-        let mut blocks: Vec<Block> = Vec::new();
+        let mut blocks: Vec<TemperatureBlock> = Vec::new();
         for stretch in &self.samples.time.rows {
             let part = |all: &[f64], from: usize| {
                 let part = all.get(from..from + length).unwrap_or_default();
@@ -181,8 +184,10 @@ impl Cycle<'_> {
             };
             let starts = (stretch.start..=stretch.end.saturating_sub(length)).step_by(length);
             for start in starts.filter(|start| start + length <= stretch.end) {
-                let block =
-                    Block { temperature: part(self.samples.further(), start), value: part(values, start) };
+                let block = TemperatureBlock {
+                    temperature: part(self.samples.further(), start),
+                    value: part(values, start),
+                };
                 if block.temperature.is_finite() && block.value.is_finite() {
                     blocks.push(block);
                 }
@@ -196,21 +201,23 @@ impl Cycle<'_> {
         let failed = |fault: FitError| CalibrationError::RecordFit { place: place(), fault };
         let all = self.blocks(values);
         let fewest = BLOCKS_PER_COEFFICIENT * (self.order + 1);
-        let fitted = |direction: Option<Direction>| -> Result<Option<FittedPolynomial>, CalibrationError> {
-            let blocks: Vec<Block> = all
-                .iter()
-                .filter(|(_, own)| direction.is_none_or(|direction| *own == direction))
-                .map(|(block, _)| *block)
-                .collect();
-            if blocks.len() < fewest {
-                return Ok(None);
-            }
-            FittedPolynomial::of(&blocks, self.reference, self.order).map(Some).map_err(failed)
-        };
+        let fitted =
+            |direction: Option<TemperatureDirection>| -> Result<Option<FittedPolynomial>, CalibrationError> {
+                let blocks: Vec<TemperatureBlock> = all
+                    .iter()
+                    .filter(|(_, own)| direction.is_none_or(|direction| *own == direction))
+                    .map(|(block, _)| *block)
+                    .collect();
+                if blocks.len() < fewest {
+                    return Ok(None);
+                }
+                FittedPolynomial::of(&blocks, self.reference, self.order).map(Some).map_err(failed)
+            };
         let Some(both) = fitted(None)? else {
             return Err(CalibrationError::Rest { place: place(), samples: values.len() });
         };
-        let ways = [Direction::Up, Direction::Down].map(|direction| (direction, fitted(Some(direction))));
+        let ways = [TemperatureDirection::Up, TemperatureDirection::Down]
+            .map(|direction| (direction, fitted(Some(direction))));
         let mut legs = Vec::new();
         for (direction, found) in ways {
             match found? {
@@ -249,7 +256,7 @@ impl Cycle<'_> {
         Ok(())
     }
 
-    fn table(&self, legs: &[(Direction, FittedPolynomial)]) -> TextTable {
+    fn table(&self, legs: &[(TemperatureDirection, FittedPolynomial)]) -> TextTable {
         let QuantityUnit { factor, shown, .. } = self.unit(0);
         let heads = legs.iter().flat_map(|(direction, _)| {
             [
@@ -272,7 +279,11 @@ impl Cycle<'_> {
         table
     }
 
-    fn figure(&self, all: &[(Block, Direction)], legs: &[(Direction, FittedPolynomial)]) -> Figure {
+    fn figure(
+        &self,
+        all: &[(TemperatureBlock, TemperatureDirection)],
+        legs: &[(TemperatureDirection, FittedPolynomial)],
+    ) -> Figure {
         let QuantityUnit { factor, shown, .. } = self.unit(0);
         let mut panel =
             Panel::new(Axis::new("temperature", "K"), Axis::new(self.name().replace('_', " "), shown));
@@ -282,13 +293,18 @@ impl Cycle<'_> {
                 .filter(|(_, own)| own == direction)
                 .map(|(block, _)| (block.temperature, factor * block.value))
                 .collect();
-            let role = if *direction == Direction::Up { SeriesRole::Measured } else { SeriesRole::Reference };
+            let role = if *direction == TemperatureDirection::Up {
+                SeriesRole::Measured
+            } else {
+                SeriesRole::Reference
+            };
             panel = panel.with(Series::points(format!("means, {}", direction.name()), role, points));
             let line: Vec<(f64, f64)> = (0..=50)
                 .map(|k| self.range[0] + f64::from(k) / 50.0 * (self.range[1] - self.range[0]))
                 .map(|temperature| (temperature, factor * found.value(temperature - self.reference).0))
                 .collect();
-            let role = if *direction == Direction::Up { SeriesRole::Estimate } else { SeriesRole::Model };
+            let role =
+                if *direction == TemperatureDirection::Up { SeriesRole::Estimate } else { SeriesRole::Model };
             panel = panel.with(Series::line(format!("polynomial, {}", direction.name()), role, line));
         }
         Figure::new(
@@ -301,17 +317,21 @@ impl Cycle<'_> {
 }
 
 /// The direction of the temperature in each block: it turns where the temperature has come back by so much from its last extreme.
-fn directions(blocks: &[Block], turn: f64) -> Vec<(Block, Direction)> {
-    let mut found: Vec<(Block, Direction)> = Vec::with_capacity(blocks.len());
+fn directions(blocks: &[TemperatureBlock], turn: f64) -> Vec<(TemperatureBlock, TemperatureDirection)> {
+    let mut found: Vec<(TemperatureBlock, TemperatureDirection)> = Vec::with_capacity(blocks.len());
     let mut extreme = 0;
-    let mut now: Option<Direction> = None;
+    let mut now: Option<TemperatureDirection> = None;
     for (place, block) in blocks.iter().enumerate() {
         let beyond = block.temperature - blocks[extreme].temperature;
         let (keeps, turned) = match now {
-            Some(Direction::Up) => (beyond >= 0.0, (beyond < -turn).then_some(Direction::Down)),
-            Some(Direction::Down) => (beyond <= 0.0, (beyond > turn).then_some(Direction::Up)),
-            None if beyond > turn => (true, Some(Direction::Up)),
-            None if beyond < -turn => (true, Some(Direction::Down)),
+            Some(TemperatureDirection::Up) => {
+                (beyond >= 0.0, (beyond < -turn).then_some(TemperatureDirection::Down))
+            }
+            Some(TemperatureDirection::Down) => {
+                (beyond <= 0.0, (beyond > turn).then_some(TemperatureDirection::Up))
+            }
+            None if beyond > turn => (true, Some(TemperatureDirection::Up)),
+            None if beyond < -turn => (true, Some(TemperatureDirection::Down)),
             None => (false, None),
         };
         if let Some(turned) = turned {
@@ -322,7 +342,7 @@ fn directions(blocks: &[Block], turn: f64) -> Vec<(Block, Direction)> {
         if keeps || turned.is_some() {
             extreme = place;
         }
-        found.push((*block, now.unwrap_or(Direction::Up)));
+        found.push((*block, now.unwrap_or(TemperatureDirection::Up)));
     }
     found
 }
@@ -338,12 +358,12 @@ pub(super) fn of_rates(
         let of_axis = |record: &&(&RatesRecord, &RecordOutcome)| record.0.axis.index() == index;
         let pairs: Vec<(&RatesRecord, &RecordOutcome)> = file.rates.iter().zip(rates).collect();
         let name = format!("scale_factor_{axis}");
-        let blocks: Vec<Block> = pairs
+        let blocks: Vec<TemperatureBlock> = pairs
             .iter()
             .filter(of_axis)
             .filter_map(|(record, outcome)| {
                 let temperature = record.temperature.as_ref()?.si();
-                Some(Block { temperature, value: outcome.estimate(&name)?.value })
+                Some(TemperatureBlock { temperature, value: outcome.estimate(&name)?.value })
             })
             .collect();
         let temperatures = || blocks.iter().map(|block| block.temperature);
@@ -397,9 +417,10 @@ mod tests {
             let cycle = if k < 40 { k as f64 } else { 80.0 - k as f64 };
             300.0 + 0.5 * cycle + noise
         };
-        let blocks: Vec<Block> = (0..80).map(|k| Block { temperature: temperature(k), value: 0.0 }).collect();
+        let blocks: Vec<TemperatureBlock> =
+            (0..80).map(|k| TemperatureBlock { temperature: temperature(k), value: 0.0 }).collect();
         let found = directions(&blocks, 0.4);
-        assert!(found[..40].iter().all(|(_, direction)| *direction == Direction::Up));
-        assert!(found[42..].iter().all(|(_, direction)| *direction == Direction::Down));
+        assert!(found[..40].iter().all(|(_, direction)| *direction == TemperatureDirection::Up));
+        assert!(found[42..].iter().all(|(_, direction)| *direction == TemperatureDirection::Down));
     }
 }

@@ -2,7 +2,8 @@
 
 use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::{
-    Calibration, CalibrationSummary, Certificate, GyroscopeCalibration, Sensor, calibrate, write_calibration,
+    Calibration, CalibrationSummary, Certificate, GyroscopeCalibration, InertialSensor, calibrate,
+    write_calibration,
 };
 use kalmems_engines::progress::Silent;
 use kalmems_store::{Output, RunInfo, Work};
@@ -63,7 +64,7 @@ fn an_accelerometer_at_rest_has_its_own_noises_and_no_certified_bias() {
     let certificate = Certificate::of(&found);
     let axes: Vec<&str> = certificate.bias.iter().map(|bias| bias.axis).collect();
     assert_eq!(axes, ["z"]);
-    assert!(found.rest.iter().any(|rest| rest.sensor == Sensor::Accelerometer));
+    assert!(found.rest.iter().any(|rest| rest.sensor == InertialSensor::Accelerometer));
     let text = CalibrationSummary::of(&found).to_text();
     for part in
         ["velocity random walk", "m/s/√h", "acceleration random walk", "ugn", "angle random walk", "deg/√h"]

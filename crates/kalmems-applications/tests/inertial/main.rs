@@ -1,5 +1,7 @@
 //! Records of a whole unit, gyroscopes and accelerometers, against simulations that share no code with the crate.
 
+#![allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)] // small positive counts
+
 mod certificate;
 mod example;
 mod positions;

@@ -27,7 +27,7 @@ int main(void)
 "#;
 
 /// The same behind a storm of numbers with any bits: infinities, numbers without a leading one and what is none, in functions in any order.
-const STORM: &str = r#"
+const STORM: &str = r"
     union { unsigned bits; float value; } any[4];
     unsigned chance = 1U, k, i;
     for (k = 0U; k < 300000U; k++) {
@@ -46,7 +46,7 @@ const STORM: &str = r#"
             return 1;
         }
     }
-"#;
+";
 
 /// The statuses of the header.
 const FOLLOWING: f64 = 1.0;
