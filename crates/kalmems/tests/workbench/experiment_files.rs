@@ -239,6 +239,17 @@ fn the_schema_of_calibrations_accepts_the_examples_and_refuses_what_is_broken() 
     for text in [&calibration, &example("by_stage.toml"), &example("three_axes.toml")] {
         assert!(accepts(&schema, &as_json(text)));
     }
+    for name in ["unit.toml", "table.toml"] {
+        let text = fs::read_to_string(Path::new("../../examples/inertial_unit").join(name)).unwrap();
+        assert!(accepts(&schema, &as_json(&text)), "{name}");
+        for (from, to) in
+            [("gravity =", "gravitation ="), ("axis = \"z\"", "axis = \"w\""), ("order = 2", "order = 7")]
+        {
+            if text.contains(from) {
+                assert!(!accepts(&schema, &as_json(&text.replacen(from, to, 1))), "{to} passes the schema");
+            }
+        }
+    }
     for (from, to) in [
         ("[gyroscope]", "[gyro]"),
         ("clock_tolerance", "tolerance"),

@@ -367,13 +367,43 @@ fn a_certificate_has_what_was_stated_and_lists_what_was_not() {
     }
     assert!(!missing.contains("certificate.item") && !missing.contains("instrument of"), "{missing}");
     let html = certificate_page(&certificate, &found, &[]).to_html().unwrap();
-    for part in ["gyroscope 4711", "the bench", "not stated", "Expanded uncertainty", "SHA-256"] {
+    assert!(
+        certificate.method.contains("The sign of a scale factor is not determined"),
+        "{}",
+        certificate.method
+    );
+    for part in [
+        "gyroscope 4711",
+        "the bench",
+        "not stated",
+        "Expanded uncertainty",
+        "SHA-256",
+        "scale factor x, magnitude",
+    ] {
         assert!(html.to_lowercase().contains(&part.to_lowercase()), "{part}");
     }
     // U has two digits, and the value as many decimals.
     let value = certificate.results[0].scale_factor;
     let digits = format!("{:.6}", value.unwrap().expanded_uncertainty);
     assert!(digits.starts_with("0.0000"), "{digits}");
+}
+
+/// A bias at rest of 50 mrad/s, and one of 31.2 mrad/s under vibration: named, and none of the one that is the same.
+#[test]
+fn biases_of_one_axis_that_contradict_each_other_are_a_finding() {
+    for (bias, differs) in [(50e-3, true), (31.2e-3, false)] {
+        let mut bench = one_axis(28);
+        let mut noise = WhiteNoise::new(28, 9);
+        let rest = (0..4096).fold("wx_rad_per_s\n".to_owned(), |text, _| {
+            text + &format!("{:e}\n", bias + 1e-3 * noise.sample())
+        });
+        fs::write(bench.folder.path().join("rest.csv"), rest).unwrap();
+        bench.toml += "[rest]\nfile = \"rest.csv\"\nclock = { rate = \"8 kHz\" }\nchannels = { x = \"wx_rad_per_s\" }\n";
+        let findings = bench.calibrate().unwrap().findings.join("\n");
+        let named = findings.contains("the bias of x under vibration lies -1.8")
+            && findings.contains("from that at rest");
+        assert_eq!(named, differs, "{bias}: {findings}");
+    }
 }
 
 /// Calibrations with a vibrometer's gain that is known from four readings, and a reference that is tilted by up to 2 mrad: intervals of 95 %
