@@ -93,8 +93,7 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
 
 impl FoundPositions {
     fn of(samples: &UnitSamples, shortest_s: f64) -> Self {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a number of samples
-        let shortest = (shortest_s / samples.time.interval_s).ceil().max(2.0) as usize;
+        let shortest = samples.rows_of(shortest_s);
         let (all_rates, all_forces) = (samples.rates(), samples.forces());
         let axes = |all: &[Option<&[f64]>; 3], row: usize| -> [f64; 3] {
             std::array::from_fn(|axis| all[axis].and_then(|values| values.get(row)).copied().unwrap_or(0.0))

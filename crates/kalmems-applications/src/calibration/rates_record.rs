@@ -143,8 +143,7 @@ const METHOD: &str = "Rates: the table turns at constant rates; the parts in whi
 
 impl Steps {
     fn of(samples: &UnitSamples, shortest_s: f64, earth: f64) -> Self {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a number of samples
-        let shortest = (shortest_s / samples.time.interval_s).ceil().max(2.0) as usize;
+        let shortest = samples.rows_of(shortest_s);
         let mut each: Vec<Step> = Vec::new();
         let rates = samples.rates();
         for stretch in &samples.time.rows {

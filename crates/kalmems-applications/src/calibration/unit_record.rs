@@ -111,6 +111,12 @@ impl UnitSamples {
         Some(&self.recording.column(column?).ok()?.values)
     }
 
+    /// How many rows last at least this long, in s; two or more.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+    pub fn rows_of(&self, duration_s: f64) -> usize {
+        (duration_s / self.time.interval_s).ceil().max(2.0) as usize
+    }
+
     /// The gyroscopes' rates in rad/s of all rows, axis by axis.
     pub fn rates(&self) -> [Option<&[f64]>; 3] {
         self.rates.each_ref().map(|column| self.values(column.as_ref()))
