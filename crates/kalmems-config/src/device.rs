@@ -27,7 +27,16 @@ pub trait DeviceDescription: Serialize + DeserializeOwned + JsonSchema + Send + 
     fn check(&self) -> Result<(), (Key, String)> {
         Ok(())
     }
+
+    /// The same device in other terms, such as the differential equations that its numbers stand in, where it is worked on in those; see
+    /// [`Experiment::device_in_terms_of`].
+    fn in_other_terms(&self) -> Result<Option<OtherTerms>, (Key, String)> {
+        Ok(None)
+    }
 }
+
+/// A description of a device in terms of another table.
+pub type OtherTerms = Arc<dyn Any + Send + Sync>;
 
 /// A kind of device that can be described: the name of its table and the schema of what is in it.
 #[derive(Clone, Copy, Debug)]
@@ -83,14 +92,20 @@ struct ParsedDevice {
     description: Arc<dyn Any + Send + Sync>,
     /// As it is written out, with every default that has a value.
     written: serde_json::Value,
+    other_terms: Option<OtherTerms>,
 }
 
 impl ParsedDevice {
-    fn of<T: DeviceDescription>(description: T) -> Self {
+    fn of<T: DeviceDescription>(description: T, other_terms: Option<OtherTerms>) -> Self {
         // What is not a table of values, lists and tables could not have been read.
         let written = serde_json::to_value(&description).unwrap_or_default();
-        Self { description: Arc::new(description), written }
+        Self { description: Arc::new(description), written, other_terms }
     }
+}
+
+/// Reads a device from the text of its table alone, `[device.NAME]`.
+pub fn read_device<T: DeviceDescription>(text: &str) -> Result<T, ConfigError> {
+    read_below(&Source::of(text, Path::new(T::NAME))?, &Key::from("device").child(T::NAME))
 }
 
 impl DeviceTable {
@@ -114,8 +129,10 @@ impl DeviceTable {
             claimed
         } else {
             let description: T = read_below(source, &key())?;
-            description.check().map_err(|(key, why)| source.error_at(key, ConfigFault::Value { why }))?;
-            self.claimed.get_or_init(|| ParsedDevice::of(description))
+            let other_terms = description.check().and_then(|()| description.in_other_terms());
+            let other_terms =
+                other_terms.map_err(|(key, why)| source.error_at(key, ConfigFault::Value { why }))?;
+            self.claimed.get_or_init(|| ParsedDevice::of(description, other_terms))
         };
         // Two rigs may read the same table, each in its own way.
         Arc::clone(&claimed.description).downcast::<T>().or_else(|_| {
@@ -161,10 +178,20 @@ impl Experiment {
         }
     }
 
+    /// The device in terms of this table: what its own table says, where it is this one, or what the rig that reads it takes it for.
+    pub fn device_in_terms_of<T: DeviceDescription>(&self) -> Result<Arc<T>, ConfigError> {
+        let claimed = self.device.claimed.get().filter(|_| self.device.name != T::NAME);
+        match claimed.and_then(|claimed| claimed.other_terms.clone()?.downcast::<T>().ok()) {
+            Some(description) => Ok(description),
+            None => self.device(),
+        }
+    }
+
     /// Puts another device, or another description of the same, in the place of the one that there is. The correlations of the same
     /// device stay, but for those of numbers without an uncertainty.
     pub fn set_device<T: DeviceDescription>(&mut self, device: T) {
-        let claimed = ParsedDevice::of(device);
+        let other_terms = device.in_other_terms().ok().flatten();
+        let claimed = ParsedDevice::of(device, other_terms);
         let written = claimed.written.clone();
         let before = std::mem::take(&mut self.device.correlation);
         let correlation = if self.device.name == T::NAME { before } else { Correlations::default() };

@@ -54,7 +54,7 @@ mod vibrometer;
 pub use arrays::ArraysByFile;
 pub use clock::{Clock, TimeColumn};
 pub use column::{ColumnChoice, FileColumns};
-pub use device::{DeviceDescription, DeviceKind};
+pub use device::{DeviceDescription, DeviceKind, OtherTerms, read_device};
 pub use error::{ConfigError, ConfigFault, ConfigPlace, LineAndColumn};
 pub use estimate::{Crossings, Estimate, ExtremeSign};
 pub use event::{Edge, EventSource, EventUse};

@@ -38,7 +38,7 @@ pub fn published() -> &'static Workbench {
             .with(threshold_scanner::ThresholdScannerRig)
             .with(micro_stage::MicroStageRig)
             .with(accelerometer::AccelerometerRig)
-            .with(piston_mirror::PistonMirrorRig)
+            .with(equations::PresetRig::<piston_mirror::device::PistonMirror>::new())
             .with(equations::EquationsRig)
     })
 }

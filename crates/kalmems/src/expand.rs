@@ -185,10 +185,6 @@ fn expand_filter(filter: &mut Table, index: usize, expansion: &Expansion) -> boo
     }
     // There it would say how far from rest the device is, and not how well its rig finds the start.
     let had_one = filter.remove("start_sd").is_some();
-    if let Some(Some([about, sd])) = expansion.filter_starts.get(index) {
-        filter.insert("start_about".to_owned(), Value::Table(about.clone()));
-        filter.insert("start_sd".to_owned(), Value::Table(sd.clone()));
-    }
     had_one
 }
 

@@ -34,6 +34,8 @@ pub struct StartSearch {
     pub periods: Vec<(usize, f64)>,
     /// Starts from which it is sought as well, such as what a lock-in finds.
     pub seeds: Vec<Vec<f64>>,
+    /// Where it is known nearly: it is sought from there, and nowhere else.
+    pub near: Option<Vec<f64>>,
     /// Whether a start and one in which some of `mirrored` have the other sign are one: of a device that is symmetric no signal
     /// tells them apart.
     pub is_symmetric: bool,
@@ -128,36 +130,6 @@ pub fn batch_start(
     batch.concluded(&found)
 }
 
-/// What is known at the row behind these rows of a course by a filter that begins at the first of them with this and is corrected by each; `None`
-/// where its innovations are larger than claimed by more than `most` in the mean of their squares.
-pub(super) fn carried_on(
-    course: &mut dyn Course,
-    rows: Range<usize>,
-    known: &MeanAndCovariance,
-    most: f64,
-) -> Option<MeanAndCovariance> {
-    let n = known.mean.len();
-    let mut filter = FromKnown::new(&known.mean, false, &[]);
-    let lower = || (0..n).flat_map(|i| (0..=i).map(move |j| (i, j)));
-    for ((i, j), entry) in lower().zip(&known.lower) {
-        filter.covariance[i * n + j] = *entry;
-        filter.covariance[j * n + i] = *entry;
-    }
-    filter.is_noisy = true;
-    let mut counts = SampleCounts::default();
-    for k in rows.clone() {
-        if k > rows.start {
-            course.advance(&mut filter, k, &mut counts).ok()?;
-        }
-        course.correct(&mut filter, k, &mut counts).ok()?;
-    }
-    course.advance(&mut filter, rows.end, &mut counts).ok()?;
-    let squares = filter.of_samples.iter().map(|residual| residual * residual).sum::<f64>();
-    let is_explained = squares <= most * filter.of_samples.len() as f64;
-    let lower = lower().map(|(i, j)| filter.covariance[i * n + j]).collect();
-    is_explained.then_some(MeanAndCovariance { mean: filter.mean, lower })
-}
-
 /// The rows of a course from which a start is found.
 struct StartBatch<'a> {
     course: RefCell<&'a mut dyn Course>,
@@ -211,6 +183,11 @@ impl StartBatch<'_> {
 
     /// The best minimum, and all of them.
     fn minima(&self) -> Result<(Fit<MOST_STARTED>, Vec<Fit<MOST_STARTED>>), NoBatchStart> {
+        if let Some(near) = &self.search.near {
+            let near = std::array::from_fn(|i| near.get(i).copied().unwrap_or(0.0));
+            let found = self.follow(near).ok_or(NoBatchStart::NotFitted)?;
+            return Ok((found.clone(), vec![found]));
+        }
         if let Some(found) = self.only_minimum() {
             return Ok((found.clone(), vec![found]));
         }

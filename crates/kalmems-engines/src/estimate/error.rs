@@ -313,7 +313,7 @@ pub enum EstimateError {
     /// There are too few samples per cycle to follow the motion.
     #[error(
         "{place}: sampled at {rate_hz:.1} Hz, which is not above twice the {motion_hz:.1} Hz of the motion: its frequency would be \
-         taken for {alias_hz:.1} Hz, and between samples it would be off by up to {error_m:.1e} m; sample faster"
+         taken for {alias_hz:.1} Hz, and between samples it would be off by up to {error:.1e} {unit}; sample faster"
     )]
     SampledTooSlowly {
         /// The recording and its segment.
@@ -324,8 +324,10 @@ pub enum EstimateError {
         motion_hz: f64,
         /// What it would be taken for.
         alias_hz: f64,
-        /// How far the motion goes.
-        error_m: f64,
+        /// How far the motion goes, and the unit of that.
+        error: f64,
+        /// See `error`.
+        unit: String,
     },
     /// Zero phases cannot be told that long before they happen.
     #[error("zero phases of `{filter}` cannot be predicted: {why}; correct `stream.trigger.ahead`")]

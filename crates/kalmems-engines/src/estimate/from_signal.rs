@@ -1,6 +1,5 @@
 //! A filter that takes its start from the first samples of its way.
 
-use super::batch_start::carried_on;
 use super::engine::{Course, DerivedQuantities, Filtering, held_course};
 use super::signal_watch::ALARM;
 use super::{
@@ -48,27 +47,21 @@ pub fn start_again_from_signal(
     readout: &[ReadoutState],
 ) -> Option<MeanAndCovariance> {
     let search = StartSearch { tells_behind: true, ..search.clone() };
-    let found = if readout.is_empty() {
-        batch_start(course, rows, &search)
-    } else {
-        batch_start(&mut WithReadout::new(course, readout), rows, &search)
-    };
-    let found = found.ok().filter(|found| found.mean_square <= ALARM)?;
-    found.behind
+    let found = batch_start_with(course, rows, &search, readout).ok();
+    found.filter(|found| found.mean_square <= ALARM)?.behind
 }
 
-/// The same where another search tells what is known at the first of these rows, so wide that a filter may use them once more.
-pub fn start_again_from(
+/// [`batch_start`] with these states of the readout behind those of the motion.
+pub fn batch_start_with(
     course: &mut dyn Course,
     rows: Range<usize>,
-    known: &MeanAndCovariance,
+    search: &StartSearch,
     readout: &[ReadoutState],
-) -> Option<MeanAndCovariance> {
+) -> Result<BatchStart, NoBatchStart> {
     if readout.is_empty() {
-        return carried_on(course, rows, known, ALARM);
+        return batch_start(course, rows, search);
     }
-    let known = known.clone().with(readout.iter().map(ReadoutState::first));
-    carried_on(&mut WithReadout::new(course, readout), rows, &known, ALARM)
+    batch_start(&mut WithReadout::new(course, readout), rows, search)
 }
 
 /// Gives the swing that is known at a time in s the sign that it had before: of a device whose signal is the same for both signs. It swings at this

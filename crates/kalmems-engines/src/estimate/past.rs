@@ -6,7 +6,7 @@ use super::driven::{DrivePast, InterpolationLag};
 use super::gate::{Decisions, SampleGate};
 use super::lock::LockJudge;
 use super::lock_in::OpenWindow;
-use super::{FilterBasics, MeanAndCovariance, PhasePredictor, SampleSelection, Trajectory};
+use super::{BatchStart, FilterBasics, MeanAndCovariance, PhasePredictor, SampleSelection, Trajectory};
 use crate::signal::{Sine, extremes_of_rate};
 use serde::{Deserialize, Serialize};
 
@@ -240,6 +240,9 @@ pub struct FilterPast {
     pub(super) open_window: OpenWindow,
     /// What the rig keeps of it in numbers; they are written, so that another run has them too.
     pub numbers: Vec<f64>,
+    /// The start that was found in the segment's first samples, and the time in s of the row behind them: a smoother that goes over them again
+    /// uses them once, as the filter did.
+    start: Option<(f64, BatchStart)>,
     /// What predicts zero phases, where they are asked for.
     pub predictor: Option<PhasePredictor>,
     /// The times of the zero phases that another run told last.
@@ -270,6 +273,17 @@ pub struct AnswerPast {
 }
 
 impl FilterPast {
+    /// Keeps the start that was found from rows of these times in s.
+    pub fn began_by(&mut self, start: &BatchStart, time_s: &[f64]) {
+        self.start = time_s.get(start.row).map(|time_s| (*time_s, start.clone()));
+    }
+
+    /// That start among rows of these times in s.
+    pub fn start_among(&self, time_s: &[f64]) -> Option<BatchStart> {
+        let (start_s, start) = self.start.as_ref()?;
+        Some(BatchStart { row: time_s.partition_point(|time_s| time_s < start_s), ..start.clone() })
+    }
+
     /// What the filter knew where it was left; `None` at the beginning of a segment.
     pub fn left(&self) -> Option<&MeanAndCovariance> {
         self.left.as_ref()

@@ -17,9 +17,6 @@ pub struct Expansion {
     pub events: toml::Table,
     /// Of each filter of the experiment, how it uses the events.
     pub filter_events: Vec<toml::Table>,
-    /// Of each filter of the experiment whose start comes from the signal, what its search is told, where it needs that: the tables
-    /// `start_about` and `start_sd`.
-    pub filter_starts: Vec<Option<[toml::Table; 2]>>,
     /// What the rig has and the equations have not, in sentences.
     pub notes: Vec<String>,
 }

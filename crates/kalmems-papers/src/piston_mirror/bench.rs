@@ -1,16 +1,17 @@
 //! The published mirror, moved, read and estimated.
 
 use super::published::{circuit, results};
-use crate::estimate::{Past, RowsAround, SampleSelection, Trajectory};
+use crate::config::Experiment;
+use crate::estimate::Trajectory;
 use crate::program::ReproduceError;
 use crate::progress::Progress;
 use crate::simulate::WhiteNoise;
-use kalmems_rigs::piston_mirror::{
-    COEFFICIENTS, MotionKnowledge, PartData, PistonSegment, PistonSettings, Plates, estimate_segment,
-};
+use kalmems_engines::recording::RecordingFromRows;
+use kalmems_rigs::piston_mirror::{COEFFICIENTS, Plates};
 use kalmems_rigs::published;
 use std::f64::consts::TAU;
 use std::path::Path;
+use toml::{Table, Value};
 
 /// Amplitude in m, frequency in Hz and rest position in m.
 pub const MIRROR: [f64; 3] = [0.5e-3, 500.0, 1e-3];
@@ -76,27 +77,37 @@ impl PistonFilterResult {
     }
 }
 
-/// The filters: three states as published, with this density of the amplitude in m²/s, and five, both smoothed or not.
-pub fn settings(amplitude_density: f64) -> Result<PistonSettings, ReproduceError> {
-    let text = include_str!("device.toml");
+/// The filters: three states as published, with this density of the amplitude in m²/s, and five, smoothed or not.
+pub fn filters(amplitude_density: f64, smooth: bool) -> Result<Table, ReproduceError> {
     let failed = super::failed("the published mirror");
-    let experiment =
-        published().parse(text, Path::new("piston_mirror/device.toml")).map_err(|e| failed(e.into()))?;
-    let mut settings = PistonSettings::of(&experiment).map_err(|e| failed(e.into()))?;
-    for filter in &mut settings.filters {
-        if let MotionKnowledge::Steady { density: [amplitude, _], .. } = &mut filter.motion {
-            *amplitude = amplitude_density;
+    let mut document: Table =
+        include_str!("device.toml").parse().map_err(|e: toml::de::Error| failed(e.into()))?;
+    for filter in filters_of(&mut document) {
+        let name = filter.get("name").and_then(Value::as_str).unwrap_or_default().to_owned();
+        if name == "three"
+            && let Some(noise) = filter.get_mut("process_noise").and_then(Value::as_table_mut)
+        {
+            noise.insert("amplitude".to_owned(), format!("{amplitude_density:e} m^2/s").into());
+        }
+        if name == "five" {
+            filter.insert("smooth".to_owned(), smooth.into());
         }
     }
-    Ok(settings)
+    Ok(document)
+}
+
+fn filters_of(document: &mut Table) -> impl Iterator<Item = &mut Table> {
+    let filters =
+        document.get_mut("estimate").and_then(|estimate| estimate.get_mut("filter")?.as_array_mut());
+    filters.into_iter().flatten().filter_map(Value::as_table_mut)
 }
 
 impl PistonRun {
-    /// What the filters make of it; only those of these keys. `None` where the work was stopped.
+    /// What the filters make of it; only those of these names. `None` where the work was stopped, or nothing came of it.
     pub fn estimate(
         &self,
-        settings: &PistonSettings,
-        keys: &[&str],
+        document: &Table,
+        names: &[&str],
         progress: &dyn Progress,
     ) -> Option<Vec<PistonFilterResult>> {
         let plates = plates();
@@ -106,52 +117,51 @@ impl PistonRun {
         let [amplitude, frequency, rest] = MIRROR;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // some millions
         let samples = (self.duration_s * self.sampling_hz).round() as u64;
-        let time_s: Vec<f64> = (0..samples).map(|k| k as f64 * interval_s).collect();
         let position = |t: f64| {
             let turns = frequency * t;
             rest + (amplitude + rate(self.drift) * t) * (TAU * (turns - turns.floor()) + PHASE).cos()
         };
-        let signal: Vec<f64> =
-            time_s.iter().map(|t| plates.capacitance(position(*t)) + deviation * noise.sample()).collect();
-        let data = PistonSegment {
-            time_s: &time_s,
-            signal: &signal,
-            interval_s,
-            noise_variance: deviation * deviation,
-            motion_hz: None,
-        };
-        let mut settings = settings.clone();
-        settings.hardware.noise_density = self.noise;
-        settings.filters.retain(|filter| keys.contains(&filter.basics.key.as_str()));
-        for filter in &mut settings.filters {
-            if let MotionKnowledge::Steady { start: Some((mean, ..)), .. } = &mut filter.motion {
-                mean[2] = PHASE;
-            }
+        let experiment = self.experiment(document, names)?;
+        let rig = published().rig(&experiment).ok()?;
+        let layout = rig.layout(&experiment, 0).ok()?;
+        let mut rows = RecordingFromRows::new("recording.csv", &["time_s", "cap_F"], &layout).ok()?;
+        for k in 0..samples {
+            let time_s = k as f64 * interval_s;
+            rows.push(&[time_s, plates.capacitance(position(time_s)) + deviation * noise.sample()]);
         }
-        let whole = PartData {
-            data,
-            samples: SampleSelection::whole(time_s.len(), interval_s),
-            head: 0..time_s.len().min(RowsAround::LONGEST_HEAD),
-            place: "the simulated recording",
-        };
-        let (trajectories, _) = estimate_segment(&settings, &whole, &mut Past::default(), progress).ok()?;
-        let judged = trajectories.into_iter().filter_map(|trajectory| {
+        let recording = rows.finish().ok()?;
+        let estimates = rig.estimate(&experiment, 0, &recording, progress).ok()?;
+        let judged = estimates.into_iter().next()?.trajectories.into_iter().filter_map(|trajectory| {
             let scored = trajectory.scored(SKIP_S);
             let estimated = &trajectory.state("position")?.mean;
             let errors = scored
                 .clone()
                 .map(|k| {
-                    let truth = position(time_s[k]);
+                    let truth = position(trajectory.time_s[k]);
                     [truth - estimated[k], truth]
                 })
                 .collect();
             let state = trajectory.state("amplitude")?;
-            let late = |k: usize| amplitude + rate(self.drift) * time_s[k] - state.mean[k];
+            let late = |k: usize| amplitude + rate(self.drift) * trajectory.time_s[k] - state.mean[k];
             let lag = scored.clone().map(late).sum::<f64>() / scored.len() as f64;
             let claim = state.sd.last().copied()?;
             Some(PistonFilterResult { trajectory, errors, lag, claim })
         });
         Some(judged.collect())
+    }
+
+    /// The experiment with its noise and these filters.
+    fn experiment(&self, document: &Table, names: &[&str]) -> Option<Experiment> {
+        let mut document = document.clone();
+        let mirror = document.get_mut("device")?.get_mut("piston_mirror")?;
+        let density = format!("{:e} F/sqrt(Hz)", self.noise).into();
+        mirror.get_mut("readout")?.as_table_mut()?.insert("noise_density".to_owned(), density);
+        let filters = document.get_mut("estimate")?.get_mut("filter")?.as_array_mut()?;
+        filters.retain(|filter| {
+            filter.get("name").and_then(Value::as_str).is_some_and(|name| names.contains(&name))
+        });
+        let text = toml::to_string(&document).ok()?;
+        published().parse(&text, Path::new("piston_mirror/device.toml")).ok()
     }
 }
 

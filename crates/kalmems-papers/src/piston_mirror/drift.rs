@@ -1,7 +1,7 @@
 //! An amplitude that drifts: Figures 6 to 9.
 
 use super::bench::{
-    COMPUTED_NOISE, MIRROR, PistonFilterResult, PistonRun, RUN, density_for_lag, one_second, rate, settings,
+    COMPUTED_NOISE, MIRROR, PistonFilterResult, PistonRun, RUN, density_for_lag, filters, one_second, rate,
 };
 use super::published::{circuit, results};
 use crate::program::{
@@ -70,11 +70,11 @@ fn errors(
     density: f64,
     what: &str,
 ) -> Result<DriftErrors, ReproduceError> {
-    let settings = settings(density)?;
+    let filters = filters(density, true)?;
     let first = work.seed;
     let all = work.map(what, (seeds, 1), |i, progress| {
         let run = PistonRun { seed: first + i as u64, ..run };
-        let judged = run.estimate(&settings, &["three", "five"], progress)?;
+        let judged = run.estimate(&filters, &["three", "five"], progress)?;
         let [three, five, smoothed] = judged.as_slice() else { return None };
         Some([three, five, smoothed].map(|j| j.rms() * NM))
     })?;
@@ -84,9 +84,9 @@ fn errors(
 
 /// One recording with three and five states.
 fn single(work: &PartWork, run: PistonRun, density: f64) -> Result<Vec<PistonFilterResult>, ReproduceError> {
-    let settings = settings(density)?;
+    let filters = filters(density, true)?;
     let run = PistonRun { seed: work.seed, ..run };
-    let judged = run.estimate(&settings, &["three", "five"], work.progress);
+    let judged = run.estimate(&filters, &["three", "five"], work.progress);
     judged.filter(|judged| judged.len() == 3).ok_or(ReproduceError::Interrupted)
 }
 
@@ -231,11 +231,11 @@ fn line(shown: &[PistonFilterResult]) -> Item {
 }
 
 fn rates(work: &PartWork, density: f64) -> Result<Item, ReproduceError> {
-    let settings = settings(density)?;
+    let filters = filters(density, true)?;
     let seed = work.seed;
     let found = work.map("drifts", (DRIFTS.len(), 1), |i, progress| {
         let run = PistonRun { drift: DRIFTS[i], seed, ..RUN };
-        let judged = run.estimate(&settings, &["three"], progress)?;
+        let judged = run.estimate(&filters, &["three"], progress)?;
         judged.into_iter().next()
     })?;
     let lag = |drift: f64| {
@@ -314,16 +314,13 @@ fn rates(work: &PartWork, density: f64) -> Result<Item, ReproduceError> {
 
 fn sampling(work: &PartWork, density: f64) -> Result<Item, ReproduceError> {
     let seeds = if work.effort == Effort::Full { 10 } else { 1 };
-    let mut settings = settings(density)?;
-    for filter in &mut settings.filters {
-        filter.basics.smooth = false;
-    }
+    let filters = filters(density, false)?;
     let first = work.seed;
     // Rate by rate, and one filter after the other: 1.4 MHz fill memory.
     let all = work.map("sampling rates", (RATES_HZ.len() * seeds, 1), |i, progress| {
         let (rate, seed) = (RATES_HZ[i / seeds], first + (i % seeds) as u64);
         let run = PistonRun { sampling_hz: rate, seed, duration_s: 1.4, ..RUN };
-        let rms = |key: &str| Some(run.estimate(&settings, &[key], progress)?.first()?.rms() * NM);
+        let rms = |key: &str| Some(run.estimate(&filters, &[key], progress)?.first()?.rms() * NM);
         Some([rms("three")?, rms("five")?])
     })?;
     let found: Vec<[SeedSpread; 2]> =

@@ -1,6 +1,6 @@
 //! The claim that the filter reaches the bound where nothing drifts.
 
-use super::bench::{PistonRun, RUN, SKIP_S, settings};
+use super::bench::{PistonRun, RUN, SKIP_S, filters};
 use crate::program::{
     Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
 };
@@ -16,13 +16,13 @@ pub static HEAD: ItemHead = ItemHead {
 
 /// What the filter claims without noise, along the true motion, is the bound's recursion.
 pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
-    let settings = settings(1e-15)?;
+    let filters = filters(1e-15, true)?;
     let seeds = if work.effort == Effort::Full { 20 } else { 6 };
     let still = PistonRun { drift: 0.0, sampling_hz: 20e3, duration_s: 2.0 * SKIP_S, ..RUN };
     let first = work.seed;
     let rms = work.map("a static system", (seeds, 1), |i, progress| {
         let run = PistonRun { seed: first + i as u64, ..still };
-        let judged = run.estimate(&settings, &["five"], progress)?;
+        let judged = run.estimate(&filters, &["five"], progress)?;
         let [filter, _] = judged.as_slice() else { return None };
         let position = filter.trajectory.state("position")?;
         let scored = filter.trajectory.scored(SKIP_S);

@@ -13,8 +13,8 @@ use crate::Rig;
 use crate::config::{ConfigFault, Experiment, Key, Method};
 use crate::estimate::driven::{InterpolationLag, SegmentDrive};
 use crate::estimate::{
-    AnyFilter, FALSE_REJECTIONS, FilterPast, GainOf, GateMode, MeanAndCovariance, SampleSelection, Sensor,
-    StateSeries, Tracked, Trajectory, Transition, largest_nis, memory_samples,
+    AnyFilter, FALSE_REJECTIONS, FilterPast, GainOf, GateMode, MeanAndCovariance, MotionRate,
+    SampleSelection, Sensor, StateSeries, Tracked, Trajectory, Transition, largest_nis, memory_samples,
 };
 use crate::export::{
     ExportError, ExportRequest, Exported, SourceDigits, SourceLanguage, SourceTrial, c_name, heading,
@@ -265,7 +265,7 @@ fn measures(
     (own, filter): (&OwnDevice, &EquationFilterSettings),
     interval_s: f64,
 ) -> Result<Vec<EmitMeasure>, ExportError> {
-    let (_, variances) = noises(&own.device, (&own.values, &own.rest), interval_s.recip())
+    let (_, variances) = noises(&own.device, (&own.values, &own.rest, &own.bandwidths), interval_s.recip())
         .map_err(|error| refused(experiment, &error))?;
     let all: Vec<usize> = match filter.measures.as_slice() {
         [] => (0..variances.len()).collect(),
@@ -462,7 +462,11 @@ fn test_samples(
     let mut drives: Vec<SegmentDrive<'_>> = volts.iter().map(|values| sampled(&values[..rows])).collect();
     let rates = rates_of_inputs(&own.device, &drives, interval_s);
     drives.extend(rates.iter().map(|values| sampled(values)));
-    let motion = motion(own, drives.iter().find_map(SegmentDrive::first_sine), interval_s);
+    let about_hz = settings.sine.as_ref().and_then(|sine| filter.about_of(sine.frequency()));
+    let motion = about_hz.map_or_else(
+        || motion(own, drives.iter().find_map(SegmentDrive::first_sine), interval_s),
+        |frequency_hz| MotionRate { frequency_hz, is_driven: false },
+    );
     let place = file();
     let data = EquationSegment {
         place: &place,
@@ -480,7 +484,10 @@ fn test_samples(
         motion,
     };
     let models = filter.models(own).map_err(|error| ExportError::from(refused(experiment, &error)))?;
-    let way = EquationFilterTask { own, filter, models: &models, data: &data, progress: &Silent };
+    let sine = settings.sine.as_ref();
+    let skip_s = settings.skip_s;
+    let way =
+        EquationFilterTask { own, sine, skip_s, filter, models: &models, data: &data, progress: &Silent };
     let found = way
         .follow(&mut FilterPast::default())
         .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_string() })?;

@@ -17,14 +17,20 @@ mod number;
 mod ordered;
 mod oscillation;
 mod outlook;
+mod phase_lock;
+mod preset;
+mod range;
 mod segment;
 mod settings;
 mod simulated_event;
 mod simulation;
+mod sine;
 mod start;
 mod table;
+mod trigger;
 mod visibility;
 
+pub use preset::{Preset, PresetRig, meant};
 pub use table::EquationsTable;
 
 use crate::config::{
@@ -36,10 +42,11 @@ use crate::export::{ExportError, ExportRequest, Exported};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
-use crate::recording::RecordingLayout;
+use crate::recording::{Finding, FindingKind, RecordingLayout};
 use crate::simulate::{SimulateError, Simulation};
 use crate::{Estimator, Expansion, RecordingChannels, Rig, StateDensity, Template, TemplateChannel};
 use kalmems_equations::Named;
+use range::RangeTally;
 use segment::EquationEstimator;
 use settings::{EquationSettings, OwnDevice};
 use simulation::EquationSimulation;
@@ -70,14 +77,18 @@ struct EquationColumns<'a> {
     measured: Vec<(usize, &'a str)>,
     /// Those of events, with their places: how long before its row each was.
     events: Vec<(usize, &'a str)>,
+    /// That of a trigger that tells the frequency of a sine.
+    trigger: Option<&'a str>,
 }
 
 impl<'a> EquationColumns<'a> {
     /// Of a recording of an experiment.
     fn of(experiment: &'a Experiment, index: usize) -> Result<Self, ConfigError> {
-        let (_, device) = EquationsTable::of(experiment)?;
+        let (table, device) = EquationsTable::of(experiment)?;
         let key = Key::from("recording").index(index).child("channels");
         let channels = &experiment.recording(index)?.channels;
+        let trigger = table.sine.as_ref().and_then(|sine| sine.trigger.as_ref());
+        let trigger = trigger.filter(|trigger| channels.column(&trigger.channel).is_some());
         let known = |all: &[Named]| -> Vec<usize> {
             let there = |named: &Named| channels.column(&named.name).is_some();
             all.iter().enumerate().filter(|(_, named)| there(named)).map(|(place, _)| place).collect()
@@ -103,22 +114,39 @@ impl<'a> EquationColumns<'a> {
             .map(|named| named.name.to_string())
             .chain(names(device.measures(), &measures))
             .chain(names(device.events(), &events))
+            .chain(trigger.map(|trigger| trigger.channel.clone()))
             .collect();
         let meanings: Vec<&str> = meanings.iter().map(String::as_str).collect();
         let mut columns = experiment.columns_of(key, channels, &meanings)?;
         let mut others = columns.split_off(stated);
-        let of_events = others.split_off(measures.len());
+        let mut of_events = others.split_off(measures.len());
+        let of_trigger = of_events.split_off(events.len());
         Ok(Self {
             inputs: columns,
             measured: measures.into_iter().zip(others).collect(),
             events: events.into_iter().zip(of_events).collect(),
+            trigger: of_trigger.first().copied(),
         })
+    }
+
+    /// Refuses signals that are none of the device by what was found in the recording. One of several may repeat an input, as that of a loop does
+    /// which measures what it applies.
+    fn require_usable(
+        &self,
+        diagnosis: &[Finding],
+        place: &str,
+        wanted: impl Fn(&str) -> bool,
+    ) -> Result<(), EstimateError> {
+        let names: Vec<&str> = self.measured.iter().map(|(_, column)| *column).collect();
+        let counts = |finding: &&Finding| names.len() == 1 || finding.kind != FindingKind::Repeats;
+        let found: Vec<Finding> = diagnosis.iter().filter(counts).cloned().collect();
+        EstimateError::of_unusable_signal(&found, (place, &names), wanted)
     }
 
     /// All of them.
     fn all(&self) -> Vec<&'a str> {
         let others = self.measured.iter().chain(&self.events).map(|(_, column)| *column);
-        self.inputs.iter().copied().chain(others).collect()
+        self.inputs.iter().copied().chain(others).chain(self.trigger).collect()
     }
 }
 
@@ -153,7 +181,9 @@ impl Rig for EquationsRig {
         EquationsTable::of(experiment).map(|_| true)
     }
 
-    fn uses(&self, _: &Experiment) -> DeviceUses {
+    fn uses(&self, experiment: &Experiment) -> DeviceUses {
+        // A loop on a sine has the gain of the continuous filter too.
+        let is_sine = EquationsTable::of(experiment).is_ok_and(|(table, _)| table.sine.is_some());
         DeviceUses {
             several_signals: true,
             simulated_channels: true,
@@ -161,7 +191,7 @@ impl Rig for EquationsRig {
             signal_variance: true,
             start_about: true,
             states_readout: true,
-            no_methods: &NO_METHODS,
+            no_methods: if is_sine { &[] } else { &NO_METHODS },
             ..DeviceUses::default()
         }
     }
@@ -195,7 +225,8 @@ impl Rig for EquationsRig {
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
         let all = EquationColumns::of(experiment, index)?.all();
         // Where nothing moves by itself, a gap is bounded as if a cycle took a second.
-        let cycle_s = OwnDevice::of(experiment)?.natural_hz().map_or(1.0, f64::recip);
+        let own = OwnDevice::of(experiment)?;
+        let cycle_s = own.natural_hz().map(f64::recip).or_else(|| sine::cycle_s(experiment)).unwrap_or(1.0);
         experiment.layout_to_estimate(index, &all, cycle_s)
     }
 
@@ -209,11 +240,12 @@ impl Rig for EquationsRig {
 
     fn densities(&self, experiment: &Experiment) -> Vec<StateDensity> {
         EquationsTable::of(experiment)
-            .map_or_else(|_| Vec::new(), |(_, device)| names::state_densities(&device))
+            .map_or_else(|_| Vec::new(), |(table, device)| sine::densities(experiment, &table, &device))
     }
 
     fn parameters(&self, experiment: &Experiment) -> &'static [DeviceParameter] {
-        EquationsTable::of(experiment).map_or(&[], |(_, device)| settings::parameters(experiment, &device))
+        EquationsTable::of(experiment)
+            .map_or(&[], |(table, device)| settings::parameters(experiment, (&table, &device)))
     }
 
     fn estimator<'a>(
@@ -226,13 +258,22 @@ impl Rig for EquationsRig {
         let models = settings.filters.iter().map(|filter| filter.models(&settings.own));
         let models = models.collect::<Result<_, _>>().map_err(|error| refused(experiment, &error))?;
         let columns = EquationColumns::of(experiment, index)?;
-        let (past, searches) = (Past::default(), None);
-        Ok(Box::new(EquationEstimator { experiment, settings, models, columns, past, searches, progress }))
+        let (past, searches, left_ranges) = (Past::default(), None, RangeTally::default());
+        Ok(Box::new(EquationEstimator {
+            experiment,
+            settings,
+            models,
+            columns,
+            past,
+            searches,
+            left_ranges,
+            progress,
+        }))
     }
 
     /// Its parameters are identified by likelihood, whichever the experiment names.
     fn identify(&self, experiment: &Experiment, _: &dyn Progress) -> Result<Identification, IdentifyError> {
-        let table = experiment.device::<EquationsTable>()?;
+        let table = experiment.device_in_terms_of::<EquationsTable>()?;
         let names: Vec<String> = table.parameters.iter().map(|(name, _)| format!("\"{name}\"")).collect();
         let remedy =
             format!("name the parameters that are sought, such as `parameters = [{}]`", names.join(", "));

@@ -791,10 +791,11 @@ pub fn steps_over(pace: f64, interval_s: f64) -> Option<usize> {
 }
 
 /// The noises that a device's table states, at a sampling rate in Hz: the density of each state's rate, 0 where none is stated,
-/// and the variance of a sample of each measurement; of one that varies as it is at rest.
+/// and the variance of a sample of each measurement; of one that varies as it is at rest. What a bandwidth in Hz lets through beyond half the
+/// sampling rate is folded into the samples.
 pub fn noises(
     device: &Device,
-    (values, rest): (&[f64], &[f64]),
+    (values, rest, bandwidths): (&[f64], &[f64], &[f64]),
     rate_hz: f64,
 ) -> Result<(Vec<f64>, Vec<Option<f64>>), EquationError> {
     let (mut densities, mut variances) =
@@ -803,7 +804,10 @@ pub fn noises(
         match kind {
             NoiseKind::Rate { state } => densities[state] = size,
             NoiseKind::Variance { measure } => variances[measure] = Some(size),
-            NoiseKind::Density { measure } => variances[measure] = Some(0.5 * rate_hz * size),
+            NoiseKind::Density { measure } => {
+                let bandwidth_hz = bandwidths.get(measure).copied().unwrap_or(0.0);
+                variances[measure] = Some(size * bandwidth_hz.max(0.5 * rate_hz));
+            }
             // Those of events are with what filters are told of them.
             NoiseKind::EventTime { .. } | NoiseKind::Event { .. } => {}
         }

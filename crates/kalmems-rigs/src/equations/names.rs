@@ -84,31 +84,36 @@ pub fn values(table: &EquationsTable, device: &Device) -> &'static [ValueState] 
     let (own, followers) = device.states().split_at(device.own_states());
     let lags = followers.iter().filter(|named| table.lag.get(&named.name).is_some());
     let states: Vec<&Named> = own.iter().chain(lags).collect();
+    let sine = table.sine.as_ref();
     let rate_of = |named: &Named| {
+        if let Some(sine) = sine.filter(|sine| *sine.of == *named.name) {
+            return sine.rate.as_deref().map(name);
+        }
         let text = table.derivative.get(&named.name)?.trim();
         states.iter().find(|state| *state.name == *text).map(|state| name(&state.name))
     };
     let of =
         |named: &&Named| ValueState { name: name(&named.name), kind: kind_of(named), rate: rate_of(named) };
     let comes_round = |named: &&&Named| table.cyclic.get(&named.name).is_some();
-    let values: Vec<ValueState> = states
-        .iter()
-        .filter(|named| !comes_round(named))
-        .chain(&device.quantities().iter().collect::<Vec<_>>())
-        .map(of)
-        .collect();
+    let quantities: Vec<&Named> = device.quantities().iter().collect();
+    let states = states.iter().filter(|named| !comes_round(named));
+    // Of a sine the quantity is what the device is for.
+    let values: Vec<ValueState> = match sine {
+        Some(_) => quantities.iter().chain(states).map(of).collect(),
+        None => states.chain(&quantities).map(of).collect(),
+    };
     KNOWN.get(&values, || values.clone().into())
 }
 
 /// The parameters that a filter may hold as uncertain. Each is a factor on what the table says; `added` are those whose
 /// deviation is in their own unit.
-pub fn parameters(device: &Device, added: &[bool]) -> &'static [DeviceParameter] {
+pub fn parameters((table, device): (&EquationsTable, &Device), added: &[bool]) -> &'static [DeviceParameter] {
     static KNOWN: Interner<[DeviceParameter]> = Interner::new();
     static WRITTEN: Interner<[(&'static str, i32)]> = Interner::new();
     let one = |(place, parameter): (usize, &kalmems_equations::Parameter)| {
         let own = name(&parameter.named.name);
-        let keys = [(name(&format!("parameters.{own}")), 1)];
-        let written = WRITTEN.get(&keys, || keys.into());
+        let keys = written(table, own);
+        let written = WRITTEN.get(&keys, || keys.clone().into());
         let all = if added.get(place).copied().unwrap_or(false) {
             let kind = kind_of(&parameter.named);
             DeviceParameter { kind, unit: kind.ending(), drift: kind.drift(), ..DeviceParameter::factor(own) }
@@ -119,4 +124,10 @@ pub fn parameters(device: &Device, added: &[bool]) -> &'static [DeviceParameter]
     };
     let all: Vec<DeviceParameter> = device.parameters().iter().enumerate().map(one).collect();
     KNOWN.get(&all, || all.clone().into())
+}
+
+/// Where a parameter stands below the device's table, with the power of it there.
+pub fn written(table: &EquationsTable, parameter: &'static str) -> Vec<(&'static str, i32)> {
+    let own = || vec![(name(&format!("parameters.{parameter}")), 1)];
+    table.keys.map_or_else(own, |keys| keys(parameter))
 }

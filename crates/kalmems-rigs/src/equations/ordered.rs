@@ -1,5 +1,7 @@
 //! A table whose order counts.
 
+use crate::config::kinds::Frequency;
+use crate::config::{Positive, Quantity};
 use kalmems_equations::{VectorElement, text_of_element, vector_elements};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, MapAccess, Visitor};
@@ -18,6 +20,12 @@ pub trait OfElement: Sized {
 impl OfElement for String {
     fn of_element(&self, element: &VectorElement) -> Result<Self, String> {
         text_of_element(self, element)
+    }
+}
+
+impl OfElement for Quantity<Frequency, Positive> {
+    fn of_element(&self, _: &VectorElement) -> Result<Self, String> {
+        Ok(self.clone())
     }
 }
 

@@ -3,6 +3,7 @@
 use super::names;
 use super::settings::OwnDevice;
 use super::short;
+use super::sine::SineTable;
 use super::table::{EquationsTable, refused};
 use crate::config::{ConfigError, Experiment, FilterStart};
 use crate::inspect::quantity;
@@ -15,6 +16,16 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, ConfigError> {
     let own = OwnDevice::of(experiment)?;
     let mut topics = vec![equations(&own)];
     topics.extend(energy(experiment, &own)?);
+    let table = experiment.device_in_terms_of::<EquationsTable>()?;
+    if let Some(sine) = &table.sine {
+        let SineTable { of, offset, amplitude, frequency, phase, .. } = sine;
+        let text = format!(
+            "`{of}` moves as a sine of the amplitude `{amplitude}` about `{offset}`, whose frequency is `{frequency}` and whose phase is `{phase}`: the signal tells \
+             them."
+        );
+        topics.push(OutlookTopic { title: "Motion", facts: vec![fact("sine", Vec::new(), text)] });
+        return Ok(Outlook::of(experiment, "equations", topics));
+    }
     topics.push(free_motion(&own));
     topics.push(measurements(experiment, &own)?);
     Ok(Outlook::of(experiment, "equations", topics))
@@ -76,7 +87,7 @@ fn sizes(experiment: &Experiment, own: &OwnDevice) -> Result<Vec<f64>, ConfigErr
         }
     }
     // The rate of a state is as large as a free motion of that size makes it.
-    let table = experiment.device::<EquationsTable>()?;
+    let table = experiment.device_in_terms_of::<EquationsTable>()?;
     let rate = own.natural_hz().map_or(1.0, |hz| TAU * hz);
     for value in names::values(&table, device) {
         let place = |name: &str| device.state(name);

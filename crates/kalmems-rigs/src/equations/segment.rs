@@ -5,7 +5,10 @@ use super::course::{EquationCourse, EquationSegment, SegmentChannel};
 use super::event_search::EventSearches;
 use super::model::{EquationModel, Interval, noises};
 use super::names;
+use super::phase_lock::{LoopOf, phase_lock};
+use super::range::RangeTally;
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
+use super::sine::SineMotion;
 use super::start::{most_rows, rows_before, start_of};
 use super::table::refused;
 use crate::Estimator;
@@ -18,6 +21,7 @@ use crate::estimate::{
     Trajectory, Transition, answers_of_bank, follow,
 };
 use crate::progress::{Interruption, Progress};
+use crate::recording::Finding;
 use crate::signal::{SLOPE_REACH, Sine};
 use kalmems_core::Nodes;
 use kalmems_equations::{Device, EquationError};
@@ -120,6 +124,8 @@ pub struct EquationEstimator<'a> {
     pub past: Past,
     /// The searches for events in the segment that is being estimated.
     pub searches: Option<EventSearches>,
+    /// How often its filters left the ranges of quantities.
+    pub left_ranges: RangeTally,
     /// Who follows the work.
     pub progress: &'a dyn Progress,
 }
@@ -131,7 +137,7 @@ impl Estimator for EquationEstimator<'_> {
         let rows = (first_s / interval_s).ceil() as usize;
         let own = &self.settings.own;
         let from_signal = self.settings.filters.iter().filter_map(|filter| filter.prior(own));
-        let rows = from_signal.map(|prior| most_rows((own, &prior), interval_s)).fold(rows, usize::max);
+        let mut rows = from_signal.map(|prior| most_rows((own, &prior), interval_s)).fold(rows, usize::max);
         let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
         let RowsNeeded { before, after } = self.settings.needed(interval_s).with_a_margin();
         let lag = self.past.lag();
@@ -141,7 +147,11 @@ impl Estimator for EquationEstimator<'_> {
             .chain(rates)
             .fold((before, after), |(before, after), own| (before.max(own.0), after.max(own.1)));
         let again = self.settings.filters.iter().map(|filter| filter.prior_of_a_later_start(own));
-        let again = again.map(|prior| rows_before((own, &prior), interval_s)).fold(0, usize::max);
+        let mut again = again.map(|prior| rows_before((own, &prior), interval_s)).fold(0, usize::max);
+        if self.settings.sine.is_some() {
+            (rows, again) =
+                (SineMotion::head_rows(self.settings.skip_s, interval_s), SineMotion::ROWS_BEFORE);
+        }
         RowsAround {
             head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD),
             before: before + again,
@@ -164,8 +174,12 @@ impl Estimator for EquationEstimator<'_> {
         };
         let kind = names::kind_of(&device.measures()[first]);
         let segment = SignalSegment::of(part, (column, kind), settings.skip_s, past)?;
+        self.columns.require_usable(segment.recording.diagnosis(), &segment.place, |label| {
+            label == segment.segment.label
+        })?;
         if segment.begins {
             self.searches = None;
+            self.left_ranges = RangeTally::default();
         }
         let samples = segment.samples();
         let mut sampled =
@@ -173,8 +187,12 @@ impl Estimator for EquationEstimator<'_> {
         let mut inputs = sampled.stated(&settings.own, &self.columns)?;
         let rates = rates_of_inputs(device, &inputs, segment.interval_s);
         sampled.add_rates(&mut inputs, (device, &rates), &self.columns)?;
-        let (_, variances) =
-            noises(device, (values, &settings.own.rest), segment.interval_s.recip()).map_err(wrong)?;
+        let (_, variances) = noises(
+            device,
+            (values, &settings.own.rest, &settings.own.bandwidths),
+            segment.interval_s.recip(),
+        )
+        .map_err(wrong)?;
         let mut channels = Vec::new();
         for (measure, column) in &self.columns.measured {
             let named = &device.measures()[*measure];
@@ -196,7 +214,15 @@ impl Estimator for EquationEstimator<'_> {
             channels.push(SegmentChannel::of(device, *measure, variance, signal));
         }
         let drive = inputs.iter().find_map(|input| input.first_sine().copied());
-        let motion = motion(&settings.own, drive.as_ref(), segment.interval_s);
+        let (motion, judged) = match &settings.sine {
+            None => {
+                let judged = settings.own.states()[settings.own.judged()].0;
+                (motion(&settings.own, drive.as_ref(), segment.interval_s), judged)
+            }
+            Some(sine) => {
+                (sine.motion(settings, &self.columns, (&segment, &channels), past)?, sine.name(&settings.own))
+            }
+        };
         let mut kept = match self.searches.take() {
             Some(searches) => searches,
             None => EventSearches::of(settings, &variances, &segment, &past.numbers)?,
@@ -216,8 +242,6 @@ impl Estimator for EquationEstimator<'_> {
             samples,
             motion,
         };
-        let states = settings.own.states();
-        let judged = states[settings.own.judged()].0;
         let axes = [(judged, motion)];
         let start_s = segment.start_s + settings.skip_s;
         let mut all = Vec::new();
@@ -225,7 +249,9 @@ impl Estimator for EquationEstimator<'_> {
             let past = past.filter(index);
             let models = self.models.get(index).map_or(&[][..], Vec::as_slice);
             let (own, progress) = (&settings.own, self.progress);
-            let way = EquationFilterTask { own, filter, models, data: &data, progress };
+            let sine = settings.sine.as_ref();
+            let skip_s = settings.skip_s;
+            let way = EquationFilterTask { own, sine, skip_s, filter, models, data: &data, progress };
             let mut found = way.follow(past)?;
             for (answer, trajectory) in found.iter_mut().enumerate() {
                 trajectory.hidden_signs.clone_from(&settings.own.hidden_signs);
@@ -234,7 +260,11 @@ impl Estimator for EquationEstimator<'_> {
             }
             all.append(&mut found);
         }
-        let remarks = left_tables(&settings.own, &data, &all);
+        let mut remarks = left_tables(&settings.own, &data, &all);
+        self.left_ranges.add(&settings.own.ranges, &all);
+        if segment.ends {
+            remarks.extend(self.left_ranges.remarks(&settings.own.ranges, &all));
+        }
         let drive_column = self.columns.inputs.first().copied().unwrap_or_default();
         let axis = AngleAxis { angle: judged, motion, drive };
         let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), all);
@@ -244,6 +274,10 @@ impl Estimator for EquationEstimator<'_> {
         past.numbers = kept.numbers();
         self.searches = Some(kept);
         Ok(estimate)
+    }
+
+    fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
+        self.columns.require_usable(diagnosis, place, |_| true)
     }
 }
 
@@ -278,6 +312,10 @@ fn left_tables(own: &OwnDevice, data: &EquationSegment, all: &[Trajectory]) -> V
 pub struct EquationFilterTask<'a> {
     /// The device.
     pub own: &'a OwnDevice,
+    /// The sine that its motion is, where it is one.
+    pub sine: Option<&'a SineMotion>,
+    /// How long it has to settle, in s.
+    pub skip_s: f64,
     /// What the file says of the filter.
     pub filter: &'a EquationFilterSettings,
     /// Its models: one, but for a bank.
@@ -296,6 +334,9 @@ impl EquationFilterTask<'_> {
         if let Some(inverse) = &self.filter.inverse {
             return Ok(self.inversion(inverse, &self.own.states()).into_iter().collect());
         }
+        if let Some(sine) = self.sine.filter(|_| basics.method == Method::LockIn) {
+            return Ok(vec![self.lock_in_of_sine(sine, past)?]);
+        }
         if basics.method == Method::LockIn {
             return Ok(vec![self.lock_in(&self.filter.oscillations, past, &self.own.states())?]);
         }
@@ -304,9 +345,13 @@ impl EquationFilterTask<'_> {
         // A filter that goes on from another run has been started there.
         let starts: Vec<Option<BatchStart>> = if past.left().is_none() {
             let of_model = |model| self.start(model, &channels, steps);
-            self.models.iter().map(of_model).collect::<Result<_, _>>()?
+            let starts = self.models.iter().map(of_model).collect::<Result<Vec<_>, _>>()?;
+            if let Some(Some(start)) = starts.first() {
+                past.began_by(start, self.data.time_s);
+            }
+            starts
         } else {
-            Vec::new()
+            vec![past.start_among(self.data.time_s)]
         };
         let known = |index: usize| {
             let from_signal = start_of(&starts, index).map(|start| start.first.clone());
@@ -329,12 +374,19 @@ impl EquationFilterTask<'_> {
             return answers_of_bank((basics, past), |index| Ok(known(index)), way, &states, self.progress);
         }
         let Some(model) = self.models.first() else { return Ok(Vec::new()) };
+        if self.sine.is_some() && basics.gain().is_some() && past.numbers.is_empty() {
+            past.numbers = known(0).mean;
+        }
+        let operating = past.numbers.clone();
         let mut course = course_of((0, model));
         let way = (&mut course as _, &self.data.samples);
-        let begin = |left| self.begin(left, known(0), model, &channels);
+        let begin = |left| self.begin((left, known(0), operating), model, &channels);
         let mut all = follow((basics, past), begin, way, &states, self.progress)?;
         if basics.method == Method::Model {
             all.iter_mut().for_each(Trajectory::mark_model_alone);
+        }
+        if let Some(sine) = self.sine {
+            sine.turn_back(self.own, &mut all);
         }
         // Of a number that is not estimated no deviation is claimed: zeros would look like a claim.
         let named = self.own.device.quantities();
@@ -358,8 +410,7 @@ impl EquationFilterTask<'_> {
 
     fn begin(
         &self,
-        left: Option<MeanAndCovariance>,
-        start: MeanAndCovariance,
+        (left, start, operating): (Option<MeanAndCovariance>, MeanAndCovariance, Vec<f64>),
         model: &EquationModel,
         channels: &[usize],
     ) -> Result<AnyFilter, EstimateError> {
@@ -370,6 +421,16 @@ impl EquationFilterTask<'_> {
             return Err(basics.no_gain(&"it has no channel"));
         };
         let known = left.unwrap_or(start);
+        if let Some(sine) = self.sine {
+            let of = LoopOf {
+                roles: sine.roles(),
+                at: operating,
+                measure: channel.measure,
+                interval_s,
+                variance: channel.variance,
+            };
+            return phase_lock((self.own, model), gain, &known, &of).map_err(|why| basics.no_gain(&why));
+        }
         let made = |rest: &MeanAndCovariance, step: &dyn Transition, sensor: &dyn Sensor| {
             let point = (step, sensor, channel.variance);
             AnyFilter::of_constant_gain((gain, interval_s), (rest, &known), point)
@@ -385,9 +446,19 @@ pub fn at_rest<R>(
     (measure, interval_s): (usize, f64),
     made: impl FnOnce(&MeanAndCovariance, &dyn Transition, &dyn Sensor) -> R,
 ) -> R {
+    let rest = MeanAndCovariance::apart(own.rest.iter().map(|at| (*at, 0.0)));
+    under_no_input(own, (model, &rest.mean), (measure, interval_s), |step, sensor| made(&rest, step, sensor))
+}
+
+/// What is made of a model at a state under no input: of the step over an interval in s, and of a measurement.
+pub fn under_no_input<R>(
+    own: &OwnDevice,
+    (model, mean): (&EquationModel, &[f64]),
+    (measure, interval_s): (usize, f64),
+    made: impl FnOnce(&dyn Transition, &dyn Sensor) -> R,
+) -> R {
     let interval = Interval::of(interval_s);
     let inputs = vec![0.0; own.device.inputs().len()];
-    let rest = MeanAndCovariance::apart(own.rest.iter().map(|at| (*at, 0.0)));
-    let step = model.under(&interval, Nodes::held(&inputs), &rest.mean);
-    made(&rest, &step, &model.sensor(measure, &inputs))
+    let step = model.under(&interval, Nodes::held(&inputs), mean);
+    made(&step, &model.sensor(measure, &inputs))
 }

@@ -6,18 +6,20 @@ use super::inversion::Inverse;
 use super::model::{EquationModel, RateDensity, StepRule, noises, pace};
 use super::names;
 use super::oscillation::MeasuredOscillation;
+use super::range::{QuantityRange, ranges};
+use super::sine::SineMotion;
 use super::table::{EquationsTable, refused};
 use crate::config::{
     ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, FilterTable, Key, Method,
-    Values,
+    Quantity, UncertainNumber, Values,
 };
 use crate::estimate::driven::combinations;
 use crate::estimate::{
     DeviceParameter, FilterBasics, MeanAndCovariance, StateName, StatePrior, Tracked, process_noise,
     refuse_demodulator,
 };
-use crate::units::{Dimension, kind};
-use kalmems_equations::{Device, EquationError, Mode, Motion, NoiseKind, modes, vector_elements};
+use crate::units::{Dimension, kind, name};
+use kalmems_equations::{Device, EquationError, Mode, Motion, Named, NoiseKind, modes, vector_elements};
 use std::sync::Arc;
 
 /// A device with the values of its parameters, and how it moves when it is left alone.
@@ -36,6 +38,10 @@ pub struct OwnDevice {
     pub modes: Vec<Mode>,
     /// How each input goes between two samples.
     pub between: Vec<Interpolation>,
+    /// The bandwidth of each measurement in Hz before it is sampled; 0 where none is stated.
+    pub bandwidths: Vec<f64>,
+    /// The quantities that are described between some values alone.
+    pub ranges: Vec<QuantityRange>,
     /// The signs of states that its measurements do not tell.
     pub hidden_signs: Vec<Vec<usize>>,
 }
@@ -51,7 +57,11 @@ impl OwnDevice {
         let rates = device.rated_inputs().iter().map(|_| Interpolation::default());
         let between = stated.chain(rates).collect();
         let about = stated_starts(experiment, &device);
-        Self::with(device, values, between, &about).map_err(|error| refused(experiment, &error))
+        let bandwidth_hz = |named: &Named| table.bandwidth.get(&named.name).map_or(0.0, Quantity::si);
+        let bandwidths = device.measures().iter().map(bandwidth_hz).collect();
+        let ranges = ranges(experiment, &table, &device)?;
+        let own = Self::with(device, values, between, &about).map_err(|error| refused(experiment, &error))?;
+        Ok(Self { bandwidths, ranges, ..own })
     }
 
     fn with(
@@ -77,7 +87,9 @@ impl OwnDevice {
         let rest = found.unwrap_or_else(|| vec![0.0; states]);
         let hidden_signs = device.hidden_signs();
         let modes = Vec::new();
-        let mut own = Self { device, values, rest, rests, held, modes, between, hidden_signs };
+        let (bandwidths, ranges) = (Vec::new(), Vec::new());
+        let mut own =
+            Self { device, values, rest, rests, held, modes, between, bandwidths, ranges, hidden_signs };
         let about =
             about.iter().zip(&own.rest).map(|(about, rest)| about.unwrap_or(*rest)).collect::<Vec<_>>();
         own.modes = modes_of(&own.linear_about(&motion, &about), states);
@@ -175,6 +187,8 @@ pub struct EquationSettings {
     pub own: OwnDevice,
     /// How long the filters have to settle, in s.
     pub skip_s: f64,
+    /// The sine that its motion is, where its table says so.
+    pub sine: Option<SineMotion>,
     /// The events whose times are looked for.
     pub events: Vec<EventSettings>,
     /// The filters.
@@ -195,6 +209,8 @@ pub struct EquationFilterSettings {
     pub inverse: Option<Inverse>,
     /// The oscillation that lines of its measurements tell, of each of them, where it is a lock-in.
     pub oscillations: Vec<MeasuredOscillation>,
+    /// The states that it holds, by the table of a sine, because nothing in the file moves them.
+    held: Vec<usize>,
     start: EquationStart,
     /// The density of the noise of each state's rate, where the file says one here.
     density: Vec<Option<f64>>,
@@ -224,15 +240,23 @@ impl EquationSettings {
                 .to_owned();
             return Err(experiment.error("estimate.events", ConfigFault::Value { why }));
         }
-        let of = |index| EquationFilterSettings::of(experiment, estimate, (&own, &events), index);
+        let (table, _) = EquationsTable::of(experiment)?;
+        let sine = SineMotion::of(&own, &table).map_err(|(key, why)| {
+            experiment.error(Key::from("device.equations.sine").child(key), ConfigFault::Value { why })
+        })?;
+        let of =
+            |index| EquationFilterSettings::of(experiment, estimate, (&own, &events, sine.as_ref()), index);
         let filters = (0..estimate.filters.len()).map(of).collect::<Result<_, _>>()?;
-        Ok(Self { skip_s: estimate.skip.si(), events, filters, own })
+        Ok(Self { skip_s: estimate.skip.si(), sine, events, filters, own })
     }
 }
 
 /// The parameters that a filter may hold as uncertain: each by a factor, but for those whose deviation some filter of the
 /// experiment states in the parameter's own unit, and for a number that is 0.
-pub fn parameters(experiment: &Experiment, device: &Device) -> &'static [DeviceParameter] {
+pub fn parameters(
+    experiment: &Experiment,
+    (table, device): (&EquationsTable, &Device),
+) -> &'static [DeviceParameter] {
     let filters = || experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
     let stated = experiment.stated_uncertain().unwrap_or_default();
     let is_added = |parameter: &kalmems_equations::Parameter| {
@@ -240,8 +264,9 @@ pub fn parameters(experiment: &Experiment, device: &Device) -> &'static [DeviceP
         let own = |filter: &FilterTable| {
             let Some(start_sd) = &filter.states.get(&*parameter.named.name)?.start_sd else {
                 // No factor is taken of a number that is 0: what its table states is what it may be off by.
-                let name = format!("parameters.{}", parameter.named.name);
-                return Some(stated.iter().any(|number| number.name == name && number.value.si() == 0.0));
+                let written = names::written(table, name(&parameter.named.name));
+                let is_of = |number: &UncertainNumber| written.iter().any(|(key, _)| *key == number.name);
+                return Some(stated.iter().any(|number| is_of(number) && number.value.si() == 0.0));
             };
             let dimension = start_sd.value().unit().dimension();
             Some(dimension != Dimension::NONE && kind.accepts(dimension))
@@ -249,14 +274,14 @@ pub fn parameters(experiment: &Experiment, device: &Device) -> &'static [DeviceP
         filters().filter_map(own).any(|own| own)
     };
     let added: Vec<bool> = device.parameters().iter().map(is_added).collect();
-    names::parameters(device, &added)
+    names::parameters((table, device), &added)
 }
 
 impl EquationFilterSettings {
     fn of(
         experiment: &Experiment,
         estimate: &Estimate,
-        (own, events): (&OwnDevice, &[EventSettings]),
+        (own, events, sine): (&OwnDevice, &[EventSettings], Option<&SineMotion>),
         index: usize,
     ) -> Result<Self, ConfigError> {
         let (device, filter) = (&own.device, &estimate.filters[index]);
@@ -275,11 +300,20 @@ impl EquationFilterSettings {
             some(experiment, &at.clone().child(name), values, known)
         };
         let claims = filter.method.claims();
-        let sd = if claims {
+        let mut sd = if claims {
             of("start_sd", &filter.start_sd, &deviations)?
         } else {
             vec![Some(0.0); entries.len()]
         };
+        let (noise_key, noise) = process_noise(experiment, &at, filter)?;
+        let density = some(experiment, &noise_key, noise, &names::densities(device))?;
+        let is_moved = |state: &usize| density[*state].is_some() || sd[*state].is_some();
+        let held: Vec<usize> = sine
+            .map_or(&[][..], SineMotion::held)
+            .iter()
+            .copied()
+            .filter(|state| claims && !is_moved(state))
+            .collect();
         let start = match start {
             None => {
                 let about = of("start_about", &filter.start_about, &entries)?;
@@ -293,6 +327,9 @@ impl EquationFilterSettings {
             }
             Some(values) => {
                 let mean = own.started(&of("start", values, &entries)?);
+                for state in &held {
+                    sd[*state] = Some(0.0);
+                }
                 let sd = following(own, &mean, sd).map_err(|missing| {
                     let entry = &deviations[missing];
                     let remedy = format!(
@@ -305,9 +342,8 @@ impl EquationFilterSettings {
                 EquationStart::Stated { mean, sd }
             }
         };
-        let (noise_key, noise) = process_noise(experiment, &at, filter)?;
-        let density = some(experiment, &noise_key, noise, &names::densities(device))?;
-        let known = parameters(experiment, device);
+        let (table, _) = EquationsTable::of(experiment)?;
+        let known = parameters(experiment, (&table, device));
         let scales: Vec<f64> = known
             .iter()
             .zip(&own.values)
@@ -318,7 +354,7 @@ impl EquationFilterSettings {
         let events = events::uses(experiment, own, events, (&at, filter))?;
         let all = 0..device.measures().len();
         let chosen = if measures.is_empty() { all.collect() } else { measures.clone() };
-        let signal_variance = filter.signal_variance.as_ref().map(crate::config::Quantity::si);
+        let signal_variance = filter.signal_variance.as_ref().map(Quantity::si);
         if signal_variance.is_some() {
             let in_volts = |measure: &usize| {
                 device
@@ -351,12 +387,14 @@ impl EquationFilterSettings {
             inverse = Some(Inverse::of(own, measure).map_err(refused)?);
         }
         let mut oscillations = Vec::new();
-        if filter.method == Method::LockIn {
-            let table = experiment.device::<EquationsTable>()?;
+        if filter.method == Method::LockIn && sine.is_none() {
+            let table = experiment.device_in_terms_of::<EquationsTable>()?;
             let of = |measure: &usize| MeasuredOscillation::of(own, &table, *measure);
             oscillations = chosen.iter().map(of).collect::<Result<_, _>>().map_err(refused)?;
         }
-        Ok(Self { basics, measures, signal_variance, events, inverse, oscillations, start, density })
+        // What the sine itself tells is not held by a start from it.
+        let held = held.into_iter().filter(|state| sine.is_some_and(|sine| !sine.is_told(*state))).collect();
+        Ok(Self { basics, measures, signal_variance, events, inverse, oscillations, held, start, density })
     }
 
     /// What the file says of the states at the first sample; `None` where they come from the signal.
@@ -365,6 +403,14 @@ impl EquationFilterSettings {
         let own = mean.iter().copied().zip(sd.iter().copied());
         let parameters = self.basics.parameters().iter().map(|tracked| (0.0, tracked.sd));
         Some(MeanAndCovariance::apart(own.chain(parameters)))
+    }
+
+    /// About where a state is at the start, where the file says it.
+    pub fn about_of(&self, state: usize) -> Option<f64> {
+        match &self.start {
+            EquationStart::Stated { mean, .. } => mean.get(state).copied(),
+            EquationStart::Signal { about, .. } => about.get(state).copied().flatten(),
+        }
     }
 
     /// Where it begins, or where the search for its start does.
@@ -382,7 +428,15 @@ impl EquationFilterSettings {
     pub fn prior(&self, own: &OwnDevice) -> Option<Vec<StatePrior>> {
         let EquationStart::Signal { sd, .. } = &self.start else { return None };
         let states = self.about(own).into_iter().zip(sd).map(|(mean, sd)| StatePrior { mean, sd: *sd });
-        Some(states.chain(self.basics.priors()).collect())
+        Some(self.holding(states.chain(self.basics.priors()).collect()))
+    }
+
+    /// The same, of which those that it holds are known.
+    fn holding(&self, mut prior: Vec<StatePrior>) -> Vec<StatePrior> {
+        for state in &self.held {
+            prior[*state].sd = Some(0.0);
+        }
+        prior
     }
 
     /// What is known of the states before a start that is sought later, since the signal was lost.
@@ -390,7 +444,7 @@ impl EquationFilterSettings {
         self.prior(own).unwrap_or_else(|| {
             let motion = own.rest.iter().take(own.device.states().len());
             let motion = motion.map(|rest| StatePrior { mean: *rest, sd: None });
-            motion.chain(self.basics.priors()).collect()
+            self.holding(motion.chain(self.basics.priors()).collect())
         })
     }
 
@@ -410,7 +464,7 @@ impl EquationFilterSettings {
                 values[place] += shift;
             }
         }
-        let (stated, _) = noises(&own.device, (&values, &own.rest), f64::NAN)?;
+        let (stated, _) = noises(&own.device, (&values, &own.rest, &[]), f64::NAN)?;
         let varying = own.device.varying_noise(&[])?;
         let of_state = |(state, (stated, own)): (usize, (&f64, &Option<f64>))| match own {
             Some(own) => RateDensity::Held(*own),

@@ -224,7 +224,8 @@ impl EquationSimulation {
         let stated = some(experiment, &Key::from("simulate.start"), &simulate.start, &entries)?;
         let start = own.started(&stated);
         let rate_hz = simulate.sampling_rate.si();
-        let (densities, variances) = noises(device, (&own.values, &own.rest), rate_hz).map_err(wrong)?;
+        let (densities, variances) =
+            noises(device, (&own.values, &own.rest, &own.bandwidths), rate_hz).map_err(wrong)?;
         let variances = variances.into_iter().map(|variance| variance.unwrap_or(0.0)).collect();
         let periods = device.periods(&own.values).map_err(wrong)?;
         let events = recorded_events(&own).map_err(wrong)?;
@@ -235,7 +236,7 @@ impl EquationSimulation {
             of_events.collect(),
         ]
         .concat();
-        let known = names::values(&*experiment.device::<EquationsTable>()?, device);
+        let known = names::values(&*experiment.device_in_terms_of::<EquationsTable>()?, device);
         let truth_of: Vec<usize> = known.iter().filter_map(|value| device.state(value.name)).collect();
         let of_states = truth_of.iter().map(|place| device.states()[*place].clone());
         let truth =
@@ -536,6 +537,12 @@ impl Simulation for EquationSimulation {
                 *to = event.ago(time_s);
             }
             self.write_truth(&state, &mut quantities, &mut truth);
+            let of_quantity =
+                |place: usize| truth.get(self.truth_of.len() + place).copied().unwrap_or(f64::NAN);
+            let mut left = own.ranges.iter().filter_map(|range| range.left(of_quantity(range.quantity)));
+            if let Some(why) = left.next() {
+                return Err(SimulateError::NotDescribed { time_s, why });
+            }
             if each(&SimulatedSample { time_s, recorded: &recorded, truth: &truth }).is_break() {
                 return Err(SimulateError::Interrupted);
             }

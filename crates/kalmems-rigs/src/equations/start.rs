@@ -118,6 +118,9 @@ impl EquationFilterTask<'_> {
         channels: &[usize],
         steps: usize,
     ) -> Result<Option<BatchStart>, EstimateError> {
+        if let Some(sine) = self.sine {
+            return self.start_of_sine(sine, (model, channels, steps));
+        }
         let Some(prior) = self.filter.prior(self.own) else { return Ok(None) };
         let cycle_s = cycle_s(self.own, &prior);
         let search = search(self.own, prior);
@@ -144,6 +147,9 @@ impl EquationFilterTask<'_> {
         channels: &'b [usize],
         steps: usize,
     ) -> Option<StartAgain<'b>> {
+        if let Some(sine) = self.sine {
+            return self.start_sine_again(sine, (model, channels, steps));
+        }
         let basics = &self.filter.basics;
         let prior = self.filter.prior_of_a_later_start(self.own);
         let rows =

@@ -5,7 +5,10 @@ use super::interpolation::Interpolations;
 use super::number::NumberText;
 use super::ordered::{OfElement, Ordered};
 use super::oscillation::OscillationTable;
-use crate::config::{ConfigError, ConfigFault, DeviceDescription, Experiment, Key};
+use super::range::RangeTable;
+use super::sine::SineTable;
+use crate::config::kinds::Frequency;
+use crate::config::{ConfigError, ConfigFault, DeviceDescription, Experiment, Key, Positive, Quantity};
 use kalmems_equations::{
     CurvePoints, Description, Device, EquationError, Follower, NamedText, ResetText, TextPlace,
     VectorElement, vector_elements,
@@ -60,6 +63,13 @@ pub struct EquationsTable {
     /// measurement from the recording where it is left out, as with `from_recording`.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub noise: Ordered<String>,
+    /// The bandwidth of a measurement before it is sampled, whose noise is stated as a density: what lies beyond half the sampling rate is folded
+    /// into the samples.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub bandwidth: Ordered<Quantity<Frequency, Positive>>,
+    /// Between which values a quantity is described; outside of them an estimate is named, and a simulation ends.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub range: Ordered<RangeTable>,
     /// Expressions that are zero where something happens.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub events: Ordered<String>,
@@ -76,6 +86,12 @@ pub struct EquationsTable {
     /// Which state oscillates under a sinusoidal drive, and the line of the signal that shows it: for the method `lock_in`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub oscillation: Option<OscillationTable>,
+    /// A quantity that moves as a sine whose amplitude, frequency, phase and rest are states: by it a filter starts from the signal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sine: Option<SineTable>,
+    /// Where each parameter stands in the table that these equations were made from, where they were, with the power of it there.
+    #[serde(skip)]
+    pub keys: Option<fn(&str) -> Vec<(&'static str, i32)>>,
     #[serde(skip)]
     read: OnceLock<Arc<Device>>,
 }
@@ -203,7 +219,7 @@ impl DeviceDescription for EquationsTable {
 impl EquationsTable {
     /// The table of an experiment, and the device, its equations checked.
     pub fn of(experiment: &Experiment) -> Result<(Arc<Self>, Arc<Device>), ConfigError> {
-        let table = experiment.device::<Self>()?;
+        let table = experiment.device_in_terms_of::<Self>()?;
         let mut unread = None;
         let device = table.device_in(&mut |curve| {
             curve.points_of(experiment).unwrap_or_else(|error| {

@@ -1,8 +1,7 @@
 //! The accuracy that no estimator can beat on a motion with constant rates.
 
-use super::phasor::position_and_velocity;
 use super::plates::Plates;
-use kalmems_core::{Covariance, Ldl, Mat};
+use kalmems_core::{Covariance, Ldl, Mat, Portable};
 use std::f64::consts::TAU;
 
 /// The Cramér–Rao bound of the motion [A, f, φ, d₀, Ȧ] at the first sample, all five unknown.
@@ -64,4 +63,14 @@ pub fn motion_bound(
     let position_rms_m = (square / f64::from(samples)).sqrt();
     let determined = ldl.positive && position_rms_m.is_finite();
     determined.then(|| MotionBound { covariance: Covariance::from_lower(covariance), position_rms_m })
+}
+
+/// d = d₀ + A·cos φ in m and ḋ = Ȧ·cos φ − 2π·f·A·sin φ in m/s, and their derivatives by [A, f, φ, d₀, Ȧ].
+fn position_and_velocity(&[a, f, phase, rest, drift]: &[f64; 5]) -> ([f64; 2], [[f64; 5]; 2]) {
+    let (s, c) = phase.portable_sin_cos();
+    let rate = TAU * f;
+    let values = [rest + a * c, drift * c - rate * a * s];
+    let gradients =
+        [[c, 0.0, -a * s, 1.0, 0.0], [-rate * s, -TAU * a * s, -drift * s - rate * a * c, 0.0, c]];
+    (values, gradients)
 }

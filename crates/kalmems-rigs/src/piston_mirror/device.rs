@@ -1,13 +1,16 @@
 //! The piston mirror, sensed by a capacitor of one plate behind it.
 
+use super::equations;
+use super::plates::COEFFICIENTS;
 use crate::config::Quantity;
 use crate::config::kinds::{
     Capacitance, CapacitanceDensity, Frequency, Length, Mass, Pressure, Ratio, Resistance, Voltage,
     VoltageNoise,
 };
 use crate::config::noise_schema;
-use crate::config::{DeviceDescription, Key};
+use crate::config::{DeviceDescription, Key, OtherTerms};
 use crate::config::{NotNegative, Positive};
+use crate::equations::meant;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -126,11 +129,33 @@ pub struct SurroundingGas {
     pub transition_pressure: Quantity<Pressure, Positive>,
 }
 
+impl CapacitanceReadout {
+    /// The variance of one sample in F²: the density's square times half the sampling rate, or times the bandwidth where that is larger, because
+    /// what lies beyond half the sampling rate is folded into the samples.
+    pub fn noise_variance(&self, interval_s: f64) -> f64 {
+        let half_rate = 0.5 / interval_s;
+        self.noise_density.si().powi(2) * self.bandwidth.as_ref().map_or(half_rate, |b| b.si().max(half_rate))
+    }
+}
+
 impl DeviceDescription for PistonMirror {
     const NAME: &'static str = "piston_mirror";
     const SUMMARY: &'static str = "A piston mirror for a Fourier-transform spectrometer.";
 
+    fn in_other_terms(&self) -> Result<Option<OtherTerms>, (Key, String)> {
+        let meant = meant(&equations::motion(self), equations::keys);
+        meant.map(Some).map_err(|error| (Key::from("device.piston_mirror"), error.to_string()))
+    }
+
     fn check(&self) -> Result<(), (Key, String)> {
+        let given = self.capacitance.coefficients.len();
+        if given > COEFFICIENTS {
+            let why = format!(
+                "found {given} coefficients; at most {COEFFICIENTS}, for the powers 0 to {}, are built; fit the capacitance with fewer",
+                COEFFICIENTS - 1
+            );
+            return Err((Key::from("device.piston_mirror.capacitance.coefficients"), why));
+        }
         if let (Some(nearest), Some(farthest)) = (&self.capacitance.nearest, &self.capacitance.farthest)
             && nearest.si() >= farthest.si()
         {

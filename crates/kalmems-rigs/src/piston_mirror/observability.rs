@@ -31,11 +31,6 @@ impl ReadoutFault {
         Self::of(plates, motion, |plates, distance| plates.capacitance(distance) - plates.coefficients[0])
     }
 
-    /// What one of it adds to amplitude and rest position in m.
-    pub fn takes_up(&self) -> [f64; 2] {
-        [self.amplitude_m, self.rest_m]
-    }
-
     /// Of an offset in F.
     pub fn offset(plates: &Plates, motion: [f64; 2]) -> Self {
         Self::of(plates, motion, |_, _| 1.0)
@@ -77,19 +72,6 @@ impl ReadoutFault {
     pub fn attainable_deviation(&self, noise_variance: f64, updates: usize) -> f64 {
         (noise_variance / updates.max(1) as f64).sqrt() / self.left_f
     }
-}
-
-/// By how many metres a held rest position that is a metre too large changes the amplitude: it takes up what it can of
-/// C′·1 by C′·cos φ.
-pub fn amplitude_per_rest(plates: &Plates, [amplitude, rest]: [f64; 2]) -> f64 {
-    let (mut squares, mut products) = (0.0, 0.0);
-    for point in 0..POINTS {
-        let cosine = Scalar::cos(TAU * f64::from(point) / f64::from(POINTS));
-        let square = plates.slope(rest + amplitude * cosine).powi(2);
-        squares += square * cosine * cosine;
-        products += square * cosine;
-    }
-    -products / squares
 }
 
 #[cfg(test)]

@@ -1,19 +1,16 @@
 //! What can be said of a piston mirror before anything is recorded.
 
 use super::bound::motion_bound;
+use super::device::{CarrierFrontEnd, PistonMirror};
 use super::mechanics::Mechanics;
 use super::observability::ReadoutFault;
-use super::phasor::{Drifting, Phasor, position_and_velocity};
-use super::settings::{MotionKnowledge, PistonFilterSettings, PistonHardware, PistonSettings};
-use crate::config::{DriveSource, Experiment};
-use crate::outlook::{Outlook, OutlookTopic, Recorded};
-use crate::piston_mirror::device::CarrierFrontEnd;
-use crate::piston_mirror::device::PistonMirror;
+use super::plates::plates;
+use crate::config::{DriveSource, Experiment, FilterStart, Values};
+use crate::outlook::{OutlookTopic, Recorded};
 use crate::simulate::{Balance, Drive, SimulateError, Stability, SteadyMotion, drive_of};
 use kalmems_core::Portable;
-use kalmems_core::{Covariance, FixedGain};
 use kalmems_models::dynamics::ParametricScanner;
-use kalmems_models::readout::{CarrierDivider, PhasorDetector};
+use kalmems_models::readout::CarrierDivider;
 use std::f64::consts::TAU;
 
 /// In people's units.
@@ -28,49 +25,39 @@ struct StatedMotion {
     is_given: bool,
 }
 
-/// Front end, motion, information, observability and bandwidth.
-pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
-    let hardware = PistonHardware::of(experiment)?;
-    let settings = if experiment.estimate.is_some() { Some(PistonSettings::of(experiment)?) } else { None };
-    let filters = settings.as_ref().map_or(&[][..], |settings| &settings.filters);
-    let stated = stated_motion(experiment, &hardware, filters)?;
+/// Front end, mirror, information, and what the signal does not tell.
+pub fn topics(experiment: &Experiment) -> Result<Vec<OutlookTopic>, SimulateError> {
+    let mirror = experiment.device::<PistonMirror>()?;
+    let stated = stated_motion(experiment, &mirror);
     let (rate_hz, is_given) = sampling_rate(experiment).map_or((20e3, false), |rate| (rate, true));
-    let mut topics = vec![front_end(experiment, &hardware, &stated)];
-    if let Some(mechanics) = &hardware.mechanics {
-        topics.push(mirror(experiment, mechanics)?);
+    let mut topics = vec![front_end(&mirror, &stated)];
+    if let Some(driven) = &mirror.mirror {
+        topics.push(of_mirror(experiment, &Mechanics::of(driven))?);
     }
-    topics.push(signal(&hardware, &stated, (rate_hz, is_given)));
-    topics.push(of_filters(&hardware, &stated, filters, rate_hz));
-    topics.push(unseen(&hardware, &stated, rate_hz));
-    topics.push(bandwidth(&hardware, &stated));
-    Ok(Outlook::of(experiment, "piston_mirror", topics))
+    topics.push(signal(&mirror, &stated, (rate_hz, is_given)));
+    topics.push(unseen(&mirror, &stated, rate_hz));
+    Ok(topics)
 }
 
 /// That of the simulation, of the first filter with a start, or half the reference distance at the resonance.
-fn stated_motion(
-    experiment: &Experiment,
-    hardware: &PistonHardware,
-    filters: &[PistonFilterSettings],
-) -> Result<StatedMotion, SimulateError> {
-    if let Some(simulate) = &experiment.simulate
-        && matches!(simulate.drive, DriveSource::Prescribed(_))
-    {
-        let motion = super::simulation::start_of(experiment, simulate)?;
-        return Ok(StatedMotion { motion, is_given: true });
-    }
-    let given = filters.iter().find_map(|filter| match filter.motion {
-        MotionKnowledge::Steady { start: Some(([a, f, phase], _, rest)), .. } => {
-            Some([a, f, phase, rest, 0.0])
-        }
-        MotionKnowledge::Drifting { start: Some((mean, _)), .. } => Some(mean),
+fn stated_motion(experiment: &Experiment, mirror: &PistonMirror) -> StatedMotion {
+    let filters = experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
+    let started = filters.filter_map(|filter| match &filter.start {
+        Some(FilterStart::Values(values)) => Some(values),
         _ => None,
     });
-    let resonance_hz = hardware.mechanics.map_or(500.0, |mechanics| mechanics.resonance_hz);
-    let rest = hardware.plates.reference_distance;
-    Ok(given.map_or(
+    let motion = |values: &Values| {
+        let of = |name: &str| values.get(name).map(|value| value.value().si());
+        let rate = of("amplitude_rate").unwrap_or(0.0);
+        Some([of("amplitude")?, of("frequency")?, of("phase").unwrap_or(0.0), of("offset")?, rate])
+    };
+    let given = experiment.simulate.iter().map(|simulate| &simulate.start).chain(started).find_map(motion);
+    let resonance_hz = mirror.mirror.as_ref().map_or(500.0, |driven| driven.resonance.si());
+    let rest = mirror.capacitance.reference_distance.si();
+    given.map_or(
         StatedMotion { motion: [0.5 * rest, resonance_hz, 0.0, rest, 0.0], is_given: false },
         |motion| StatedMotion { motion, is_given: true },
-    ))
+    )
 }
 
 /// That of the simulation, or of the first recording that has one.
@@ -84,22 +71,22 @@ fn distances(&[amplitude, _, _, rest, _]: &[f64; 5]) -> [f64; 3] {
     [rest - amplitude, rest, rest + amplitude]
 }
 
-fn front_end(experiment: &Experiment, hardware: &PistonHardware, stated: &StatedMotion) -> OutlookTopic {
+fn front_end(mirror: &PistonMirror, stated: &StatedMotion) -> OutlookTopic {
+    let (plates, noise_density) = (plates(mirror), mirror.readout.noise_density.si());
     let at = distances(&stated.motion);
-    let [near, rest, far] = at.map(|d| hardware.noise_density / hardware.plates.slope(d).abs() * NM);
+    let [near, rest, far] = at.map(|d| noise_density / plates.slope(d).abs() * NM);
     let of = if stated.is_given { "" } else { " (taken for this; the file states no motion)" };
     let topic = OutlookTopic::new("Front end").with(
         "position_noise_nm_per_root_hz",
         [near, rest, far],
         format!(
             "The stated {:.3} aF/√Hz are {near:.2} nm/√Hz at {:.3} mm, {rest:.2} at rest and {far:.2} at {:.3} mm{of}.",
-            hardware.noise_density * ATTO,
+            noise_density * ATTO,
             at[0] * 1e3,
             at[2] * 1e3
         ),
     );
-    let Ok(device) = experiment.device::<PistonMirror>() else { return topic };
-    let Some(circuit) = &device.readout.front_end else {
+    let Some(circuit) = &mirror.readout.front_end else {
         return topic.with(
             "front_end_af_per_root_hz",
             [],
@@ -107,29 +94,29 @@ fn front_end(experiment: &Experiment, hardware: &PistonHardware, stated: &Stated
         );
     };
     let divider = divider(circuit);
-    let base = hardware.plates.capacitance(stated.motion[3]);
+    let base = plates.capacitance(stated.motion[3]);
     let computed = divider.capacitance_noise(circuit.voltage_noise.si(), base);
     let slope = divider.slope(base);
     let peak = computed * 2_f64.sqrt();
     let straight = (0..=200_u32)
         .map(|i| {
             let distance = at[0] + (at[2] - at[0]) * f64::from(i) / 200.0;
-            let volts = divider.voltage(hardware.plates.capacitance(distance));
+            let volts = divider.voltage(plates.capacitance(distance));
             let line = base + (volts - divider.voltage(base)) / slope;
-            ((line - hardware.plates.capacitance(distance)) / hardware.plates.slope(distance)).abs()
+            ((line - plates.capacitance(distance)) / plates.slope(distance)).abs()
         })
         .fold(0.0, f64::max);
     topic
         .with(
             "front_end_af_per_root_hz",
-            [computed * ATTO, peak * ATTO, slope, hardware.noise_density / computed],
+            [computed * ATTO, peak * ATTO, slope, noise_density / computed],
             format!(
                 "The carrier circuit gives {slope:.3e} V/F at rest, so that its {:.3} nV/√Hz are {:.3} aF/√Hz, or \
                  {:.3} if its voltage is an amplitude; the file states {:.2} times that.",
                 circuit.voltage_noise.si() * 1e9,
                 computed * ATTO,
                 peak * ATTO,
-                hardware.noise_density / computed
+                noise_density / computed
             ),
         )
         .with(
@@ -157,7 +144,7 @@ fn divider(circuit: &CarrierFrontEnd) -> CarrierDivider<f64> {
 /// Pressures in Pa over which the quality factor is given.
 const PRESSURES: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
 
-fn mirror(experiment: &Experiment, mechanics: &Mechanics) -> Result<OutlookTopic, SimulateError> {
+fn of_mirror(experiment: &Experiment, mechanics: &Mechanics) -> Result<OutlookTopic, SimulateError> {
     let quality = mechanics.damping.quality(mechanics.pressure);
     let resonance = mechanics.damping.resonance(mechanics.resonance_hz, mechanics.pressure);
     let over = PRESSURES.map(|p| mechanics.damping.quality(p));
@@ -249,15 +236,12 @@ fn third_harmonic(device: &ParametricScanner<f64>, drive: &Drive, motion: &Stead
     cosine.portable_hypot(sine) / stiffness
 }
 
-fn signal(
-    hardware: &PistonHardware,
-    stated: &StatedMotion,
-    (rate_hz, is_given): (f64, bool),
-) -> OutlookTopic {
+fn signal(mirror: &PistonMirror, stated: &StatedMotion, (rate_hz, is_given): (f64, bool)) -> OutlookTopic {
+    let plates = plates(mirror);
     let [amplitude, frequency, ..] = stated.motion;
     let of = if is_given { "" } else { " (taken for this; neither the file nor a recording says a rate)" };
-    let sample = hardware.noise_variance(1.0 / rate_hz).sqrt();
-    let one = distances(&stated.motion).map(|d| sample / hardware.plates.slope(d).abs() * NM);
+    let sample = mirror.readout.noise_variance(1.0 / rate_hz).sqrt();
+    let one = distances(&stated.motion).map(|d| sample / plates.slope(d).abs() * NM);
     let mut topic = OutlookTopic::new("What the signal determines").with(
         "one_sample_nm",
         one,
@@ -280,12 +264,12 @@ fn signal(
         ),
     );
     // Information does not depend on the rate: a hundred samples per cycle, or what the file has if that is less.
-    let density = (2.0 * hardware.noise_variance(1.0 / rate_hz) / rate_hz).sqrt();
+    let density = (2.0 * mirror.readout.noise_variance(1.0 / rate_hz) / rate_hz).sqrt();
     let dense = rate_hz.min(100.0 * frequency);
     for (name, seconds) in [("one cycle", 1.0 / frequency), ("20 ms", 20e-3), ("one second", 1.0)] {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // some thousands
         let samples = (seconds * dense).round() as u32;
-        if let Some(bound) = motion_bound(&hardware.plates, &stated.motion, (dense, samples), density) {
+        if let Some(bound) = motion_bound(&plates, &stated.motion, (dense, samples), density) {
             let sd = |i: usize| bound.covariance.standard_deviation(i);
             topic = topic.with(
                 "bounds",
@@ -305,109 +289,13 @@ fn signal(
     topic
 }
 
-/// The drift whose lag stands for others, relative per minute: that of Faller and Zangl, 2017, section IV.
-const DRIFT: f64 = 0.2;
-
-fn of_filters(
-    hardware: &PistonHardware,
-    stated: &StatedMotion,
-    filters: &[PistonFilterSettings],
-    rate_hz: f64,
-) -> OutlookTopic {
-    let mut topic = OutlookTopic::new("What its filters settle at");
-    if filters.iter().all(|filter| matches!(filter.motion, MotionKnowledge::None)) {
-        return topic.with("settled", [], "The file names no filter with states.");
-    }
-    let variance = hardware.noise_variance(1.0 / rate_hz);
-    for filter in filters {
-        match filter.motion {
-            MotionKnowledge::None => {}
-            MotionKnowledge::Drifting { density, .. } => {
-                let drifting = Drifting::new(hardware.plates, density);
-                let process = drifting.over(1.0 / rate_hz);
-                let point = PhasorDetector { series: hardware.plates }.operating_point(
-                    &process,
-                    &stated.motion,
-                    variance,
-                );
-                topic = match FixedGain::<f64, 5, 3>::steady_state(stated.motion, &point) {
-                    Ok(lock) => {
-                        let position = over_cycle(&stated.motion, lock.filtered_covariance());
-                        let gain = lock.gain().times(&point.observation);
-                        // Of a second-order loop the gain on the frequency is ω_n² per second of the phase.
-                        let natural_hz = (TAU * gain.0[1][2] * rate_hz).max(0.0).sqrt() / TAU;
-                        topic.with(
-                            "settled_position_nm",
-                            [position * NM, natural_hz],
-                            format!(
-                                "{}: {:.2} nm rms, as a filter and as a phase-locked loop with the same noise \
-                                 (`steady_state`); the loop's natural frequency is {natural_hz:.2} Hz.",
-                                filter.basics.name,
-                                position * NM
-                            ),
-                        )
-                    }
-                    Err(why) => {
-                        topic.with("settled_position_nm", [], format!("{}: {why}.", filter.basics.name))
-                    }
-                };
-            }
-            MotionKnowledge::Steady { density: [amplitude_density, _], .. } => {
-                // A random walk of density q seen with σ0²: P² = q·σ0², and the lag is rate·σ0²/P = rate·√(σ0²/q).
-                let rate = DRIFT * stated.motion[0] / 60.0;
-                let one_second = amplitude_information(hardware, &stated.motion, 2.0 * variance / rate_hz);
-                let lag = rate * one_second / amplitude_density.sqrt();
-                topic = topic.with(
-                    "lag_nm",
-                    [lag * NM, one_second],
-                    format!(
-                        "{}: behind an amplitude that drifts by 20 % per minute it lags by {:.1} nm, which its mean \
-                         NIS does not show.",
-                        filter.basics.name,
-                        lag * NM
-                    ),
-                );
-            }
-        }
-    }
-    topic
-}
-
-/// σ0 in m·√s: what one second leaves of the amplitude where the rest position is known, for a one-sided density in
-/// F²/Hz.
-fn amplitude_information(
-    hardware: &PistonHardware,
-    &[amplitude, _, _, rest, _]: &[f64; 5],
-    density: f64,
-) -> f64 {
-    const POINTS: u32 = 256;
-    let square = |k: u32| {
-        let cosine = (TAU * f64::from(k) / f64::from(POINTS)).portable_cos();
-        (hardware.plates.slope(rest + amplitude * cosine) * cosine).powi(2)
-    };
-    let mean = (0..POINTS).map(square).sum::<f64>() / f64::from(POINTS);
-    (0.5 * density / mean).sqrt()
-}
-
-/// The root mean square over a cycle of the position's standard deviation in m.
-fn over_cycle(motion: &[f64; 5], covariance: &Covariance<f64, 5>) -> f64 {
-    const POINTS: u32 = 64;
-    let square = |k: u32| {
-        let mut there = *motion;
-        there[2] = TAU * f64::from(k) / f64::from(POINTS);
-        let (_, [g, _]) = position_and_velocity(&there);
-        (0..5).map(|i| (0..5).map(|j| g[i] * covariance.get(i, j) * g[j]).sum::<f64>()).sum::<f64>()
-    };
-    ((0..POINTS).map(square).sum::<f64>() / f64::from(POINTS)).sqrt()
-}
-
-fn unseen(hardware: &PistonHardware, stated: &StatedMotion, rate_hz: f64) -> OutlookTopic {
+fn unseen(mirror: &PistonMirror, stated: &StatedMotion, rate_hz: f64) -> OutlookTopic {
+    let plates = plates(mirror);
     let motion = [stated.motion[0], stated.motion[3]];
-    let variance = hardware.noise_variance(1.0 / rate_hz);
+    let variance = mirror.readout.noise_variance(1.0 / rate_hz);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // one second of samples
     let updates = rate_hz as usize;
-    let (gain, offset) =
-        (ReadoutFault::gain(&hardware.plates, motion), ReadoutFault::offset(&hardware.plates, motion));
+    let (gain, offset) = (ReadoutFault::gain(&plates, motion), ReadoutFault::offset(&plates, motion));
     let of = |name: &str, per: f64, unseen: &ReadoutFault| {
         let seen = unseen.detectable_from(variance, updates);
         let first = format!("{name} makes {:.1} nm rms", per * unseen.position_rms_m * NM);
@@ -441,46 +329,4 @@ fn unseen(hardware: &PistonHardware, stated: &StatedMotion, rate_hz: f64) -> Out
             "Amplitude and phase have one sign each in all that is said: (A, φ) and (−A, φ + π) are one motion, and \
              so are (f, φ) and (−f, −φ).",
         )
-}
-
-/// Bandwidths in Hz behind which each sample would be inverted by itself.
-const BANDWIDTHS: [f64; 5] = [500.0, 2e3, 10e3, 50e3, 200e3];
-/// The resolution that the spectrometer asks for, in m (Faller and Zangl, 2017, section II-A).
-const WANTED_M: f64 = 50e-9;
-
-/// What a filter of first order in place of an estimator does: noise falls with its bandwidth, and the motion with it.
-fn bandwidth(hardware: &PistonHardware, stated: &StatedMotion) -> OutlookTopic {
-    let [amplitude, frequency, _, rest, _] = stated.motion;
-    let noise_at = |bandwidth: f64, distance: f64| {
-        hardware.noise_density * bandwidth.sqrt() / hardware.plates.slope(distance).abs()
-    };
-    // |1 − 1/(1 + j·f/B)| of the motion's fundamental, rms.
-    let lag = |bandwidth: f64| {
-        let share = frequency / bandwidth;
-        amplitude / 2_f64.sqrt() * share / (1.0 + share * share).sqrt()
-    };
-    let mut topic = OutlookTopic::new("Bandwidth, if each sample is taken by itself");
-    for bandwidth in BANDWIDTHS {
-        let [near, at_rest, far] = distances(&stated.motion).map(|d| noise_at(bandwidth, d) * NM);
-        topic = topic.with(
-            "bandwidth_hz_noise_and_lag_nm",
-            [bandwidth, near, at_rest, far, lag(bandwidth) * NM],
-            format!(
-                "{:>6.1} kHz: noise of {near:.0} nm nearest, {at_rest:.0} at rest, {far:.0} farthest; a first-order \
-                 filter of that corner is {:.0} nm off the motion",
-                bandwidth / 1e3,
-                lag(bandwidth) * NM
-            ),
-        );
-    }
-    let allowed = (WANTED_M / noise_at(1.0, rest + amplitude)).powi(2);
-    topic.with(
-        "bandwidth_for_50_nm_hz",
-        [allowed, lag(allowed)],
-        format!(
-            "50 nm all along allow {allowed:.0} Hz of noise, and such a filter would be {:.1} um off the motion: a \
-             sample by itself will not do.",
-            lag(allowed) * 1e6
-        ),
-    )
 }

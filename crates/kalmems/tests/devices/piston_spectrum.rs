@@ -80,9 +80,6 @@ fn a_wrong_gain_is_not_seen_by_the_filter() {
     assert!((errors.rmse * 1e9 / expected - 1.0).abs() < 0.05, "{} {expected}", errors.rmse * 1e9);
     assert!(errors.bias * 1e9 < -90.0);
     assert_eq!(five.verdict, Verdict::Consistent);
-    // The report says so, whether the gain is wrong or not.
-    let remark = &outcome.recordings[0].segments[0].estimate.remarks[0];
-    assert!(remark.contains("wrong by 106 nm rms, and no mean NIS shows it"), "{remark}");
 }
 
 /// The true position in m.

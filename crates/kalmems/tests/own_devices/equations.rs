@@ -35,7 +35,7 @@ struct Preset {
     close: f64,
 }
 
-const PRESETS: [Preset; 7] = [
+const PRESETS: [Preset; 6] = [
     Preset {
         example: "shared_scanner/experiment.toml",
         recording: (0, ""),
@@ -124,18 +124,6 @@ const PRESETS: [Preset; 7] = [
         compared: &["angle", "rate"],
         methods: &["model", "ekf", "ukf", "square_root_ekf", "iterated_ekf"],
         close: 1e-12,
-    },
-    Preset {
-        example: "piston_mirror/experiment.toml",
-        recording: (0, ""),
-        estimate: "skip = \"0.2 s\"\nprocess_noise = { frequency = \"1e-8 Hz^2/s\", offset = \"1e-19 m^2/s\", amplitude_rate = \"1e-14 m^2/s^3\" }\n",
-        start: "{ amplitude = \"0.45 mm\", frequency = \"500.01 Hz\", phase = \"0.3 rad\", offset = \"0.99 mm\", amplitude_rate = \"0 m/s\" }",
-        sd: "{ amplitude = \"50 um\", frequency = \"0.1 Hz\", phase = \"0.5 rad\", offset = \"20 um\", amplitude_rate = \"1 mm/s\" }",
-        states: "",
-        compared: &["amplitude", "frequency", "offset"],
-        methods: &["ekf", "ukf", "iterated_ekf"],
-        // Its rig turns a phasor; here the phase is added up, whole turns taken off.
-        close: 1e-10,
     },
 ];
 

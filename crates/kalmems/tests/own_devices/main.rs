@@ -16,6 +16,7 @@ mod own_device;
 mod own_inputs;
 mod own_lock_in;
 mod own_loops;
+mod own_sine;
 mod own_start;
 mod parameter_quantities;
 #[path = "../parts/mod.rs"]

@@ -1,4 +1,18 @@
-//! What the trigger of the drive tells.
+//! What the trigger of a drive tells of the motion's frequency.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::num::NonZeroU8;
+
+/// A channel that a recording may have, which rises with the motion.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TriggerTable {
+    /// The channel, in V.
+    pub channel: String,
+    /// How often it rises in a cycle of the motion: 2 of a drive at twice the frequency.
+    pub rises: NonZeroU8,
+}
 
 /// Why a trigger tells no frequency.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -22,9 +36,12 @@ const FEWEST: usize = 4;
 /// How far edges may be off equal intervals, in samples: half a sample is what sampling makes of them.
 const SCATTER: f64 = 1.0;
 
-/// The frequency in Hz of a mirror that is driven at twice its frequency, from the rising edges of the drive's trigger: half
-/// of the rate of the straight line through their times.
-pub fn motion_frequency(time_s: &[f64], trigger: &[f64], interval_s: f64) -> Result<f64, NoTrigger> {
+/// The frequency in Hz of a motion from a trigger's rising edges, so many in a cycle: by the straight line through their times.
+pub fn motion_frequency(
+    (time_s, trigger): (&[f64], &[f64]),
+    rises: NonZeroU8,
+    interval_s: f64,
+) -> Result<f64, NoTrigger> {
     let finite = || trigger.iter().copied().filter(|v| v.is_finite());
     let (low, high) = finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     let level = low.midpoint(high);
@@ -49,7 +66,7 @@ pub fn motion_frequency(time_s: &[f64], trigger: &[f64], interval_s: f64) -> Res
     if scatter_s > SCATTER * interval_s {
         return Err(NoTrigger::Irregular { scatter_s });
     }
-    Ok(0.5 / period)
+    Ok(1.0 / (f64::from(rises.get()) * period))
 }
 
 #[cfg(test)]
@@ -62,12 +79,14 @@ mod tests {
         let square = |hz: f64| -> Vec<f64> {
             time_s.iter().map(|t| if (hz * t + 0.3).fract() < 0.5 { 3.3 } else { 0.0 }).collect()
         };
-        let found = motion_frequency(&time_s, &square(1003.7), 5e-5).unwrap();
+        let twice = NonZeroU8::new(2).unwrap();
+        let frequency = |trigger: &[f64]| motion_frequency((&time_s, trigger), twice, 5e-5);
+        let found = frequency(&square(1003.7)).unwrap();
         // 200 edges over 0.2 s, each known to a sample's twelfth: √12·14 µs/(√200·0.2 s) of the frequency is 9 mHz.
         assert!((found - 501.85).abs() < 0.03, "{found}");
-        assert_eq!(motion_frequency(&time_s, &vec![0.0; 4000], 5e-5), Err(NoTrigger::TooFew { edges: 0 }));
+        assert_eq!(frequency(&vec![0.0; 4000]), Err(NoTrigger::TooFew { edges: 0 }));
         let mut lost = square(1000.0);
         lost[1000..1400].fill(0.0);
-        assert!(matches!(motion_frequency(&time_s, &lost, 5e-5), Err(NoTrigger::Irregular { .. })));
+        assert!(matches!(frequency(&lost), Err(NoTrigger::Irregular { .. })));
     }
 }

@@ -1,0 +1,236 @@
+//! Published devices: a table of their own that means equations, and what goes beside these.
+
+use super::{EquationsRig, EquationsTable};
+use crate::config::{
+    ConfigError, DeviceDescription, DeviceKind, DeviceUses, Experiment, OtherTerms, read_device,
+};
+use crate::estimate::{DeviceParameter, EstimateError};
+use crate::evaluate::ValueState;
+use crate::export::{ExportError, ExportRequest, Exported};
+use crate::identify::{Identification, IdentifyError};
+use crate::outlook::{Outlook, OutlookTopic};
+use crate::progress::Progress;
+use crate::recording::{RecordingLayout, RecordingSource};
+use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation};
+use crate::{Estimator, Expansion, RecordingChannels, Rig, StateDensity, Template};
+use kalmems_engines::rig::LengthScale;
+use std::marker::PhantomData;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+/// A published device: its table is what an operator writes, and means equations.
+pub trait Preset: DeviceDescription {
+    /// What an experiment with it begins from.
+    const TEMPLATE: Template;
+    /// The channels of a simulated recording, and of its reference, with the columns that they have.
+    const COLUMNS: [&'static [SimulatedColumn]; 2];
+    /// Whether its signal is recorded as a capacitance, and not as a voltage.
+    const READS_CAPACITANCE: bool;
+
+    /// The equations that the table means.
+    fn equations(&self) -> Expansion;
+
+    /// The equations that are simulated, where the experiment's drive asks for others than those of its filters.
+    fn simulated(&self, experiment: &Experiment) -> Result<Option<EquationsTable>, ConfigError>;
+
+    /// The length by which all lengths of its signal scale.
+    fn length_scale(&self) -> Option<LengthScale>;
+
+    /// Identifies what its named protocol tells.
+    fn identify(experiment: &Experiment) -> Result<Identification, IdentifyError>;
+
+    /// What can be said of it beside its equations, before anything is recorded.
+    fn topics(experiment: &Experiment) -> Result<Vec<OutlookTopic>, SimulateError>;
+}
+
+/// The equations of an expansion as what another table means; `keys` says where each parameter stands in that, with the power of it there.
+pub fn meant(
+    expansion: &Expansion,
+    keys: fn(&str) -> Vec<(&'static str, i32)>,
+) -> Result<OtherTerms, ConfigError> {
+    let mut table: EquationsTable = read_device(&expansion.text)?;
+    table.keys = Some(keys);
+    Ok(Arc::new(table))
+}
+
+/// The rig of a published device: that of its equations.
+pub struct PresetRig<T>(PhantomData<fn() -> T>);
+
+impl<T> PresetRig<T> {
+    /// Of this device.
+    pub const fn new() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<T> Default for PresetRig<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<T: Preset> PresetRig<T> {
+    /// The experiment, whose table has been read, so that its equations are known.
+    fn read<'a>(&self, experiment: &'a Experiment) -> Result<&'a Experiment, ConfigError> {
+        experiment.device::<T>().map(|_| experiment)
+    }
+}
+
+impl<T: Preset> Rig for PresetRig<T> {
+    fn name(&self) -> &'static str {
+        T::NAME
+    }
+
+    fn device(&self) -> DeviceKind {
+        DeviceKind::of::<T>()
+    }
+
+    fn template(&self) -> Option<Template> {
+        Some(T::TEMPLATE)
+    }
+
+    fn uses(&self, experiment: &Experiment) -> DeviceUses {
+        let uses =
+            self.read(experiment).map_or_else(|_| DeviceUses::default(), |read| EquationsRig.uses(read));
+        DeviceUses { reads_capacitance: T::READS_CAPACITANCE, ..uses }
+    }
+
+    fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
+        EquationsRig.claims(self.read(experiment)?)
+    }
+
+    fn length_scale(&self, experiment: &Experiment) -> Result<Option<LengthScale>, ConfigError> {
+        Ok(experiment.device::<T>()?.length_scale())
+    }
+
+    fn channels(&self, experiment: &Experiment) -> RecordingChannels {
+        self.read(experiment)
+            .map_or_else(|_| RecordingChannels::default(), |read| EquationsRig.channels(read))
+    }
+
+    fn parameters(&self, experiment: &Experiment) -> &'static [DeviceParameter] {
+        self.read(experiment).map_or(&[], |read| EquationsRig.parameters(read))
+    }
+
+    fn densities(&self, experiment: &Experiment) -> Vec<StateDensity> {
+        self.read(experiment).map_or_else(|_| Vec::new(), |read| EquationsRig.densities(read))
+    }
+
+    fn identify(&self, experiment: &Experiment, _: &dyn Progress) -> Result<Identification, IdentifyError> {
+        T::identify(experiment)
+    }
+
+    fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
+        EquationsRig.wanted(self.read(experiment)?)
+    }
+
+    fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
+        EquationsRig.layout(self.read(experiment)?, index)
+    }
+
+    fn angles(&self) -> &'static [[&'static str; 2]] {
+        &[]
+    }
+
+    fn values(&self, experiment: &Experiment) -> &'static [ValueState] {
+        self.read(experiment).map_or(&[], |read| EquationsRig.values(read))
+    }
+
+    fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
+        Ok(experiment.device::<T>()?.equations())
+    }
+
+    fn estimator<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+        EquationsRig.estimator(self.read(experiment)?, index, progress)
+    }
+
+    fn export(&self, experiment: &Experiment, request: &ExportRequest) -> Result<Exported, ExportError> {
+        EquationsRig.export(self.read(experiment)?, request)
+    }
+
+    fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
+        let mut told = experiment.clone();
+        // What starts a simulation of other equations is not about those of the filters.
+        if self.read(experiment)?.device::<T>()?.simulated(experiment)?.is_some() {
+            told.simulate = None;
+        }
+        let mut outlook = EquationsRig.outlook(self.read(&told)?)?;
+        outlook.device = T::NAME;
+        outlook.topics.extend(T::topics(experiment)?);
+        Ok(outlook)
+    }
+
+    fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
+        let simulation = match experiment.device::<T>()?.simulated(experiment)? {
+            None => EquationsRig.simulate(experiment)?,
+            Some(equations) => {
+                let mut other = experiment.clone();
+                other.set_device(equations);
+                EquationsRig.simulate(&other)?
+            }
+        };
+        Ok(Box::new(NamedSimulation::of(simulation, T::COLUMNS)))
+    }
+}
+
+/// A simulation of which some channels are recorded, under names that a device's files have.
+struct NamedSimulation {
+    simulation: Box<dyn Simulation>,
+    columns: [&'static [SimulatedColumn]; 2],
+    /// The columns of the recording and of its reference that there are, and their places in the simulation.
+    kept: [(Vec<SimulatedColumn>, Vec<usize>); 2],
+}
+
+impl NamedSimulation {
+    fn of(simulation: Box<dyn Simulation>, columns: [&'static [SimulatedColumn]; 2]) -> Self {
+        let kept = |all: &[SimulatedColumn],
+                    wanted: &[SimulatedColumn]|
+         -> (Vec<SimulatedColumn>, Vec<usize>) {
+            let place = |one: &SimulatedColumn| all.iter().position(|column| column.meaning == one.meaning);
+            wanted.iter().filter_map(|one| Some((*one, place(one)?))).unzip()
+        };
+        let kept = [kept(simulation.recorded(), columns[0]), kept(simulation.truth(), columns[1])];
+        Self { simulation, columns, kept }
+    }
+}
+
+impl Simulation for NamedSimulation {
+    fn recorded(&self) -> &[SimulatedColumn] {
+        &self.kept[0].0
+    }
+
+    fn truth(&self) -> &[SimulatedColumn] {
+        &self.kept[1].0
+    }
+
+    fn samples(&self) -> u64 {
+        self.simulation.samples()
+    }
+
+    fn steps_per_s(&self) -> Option<f64> {
+        self.simulation.steps_per_s()
+    }
+
+    fn sources(&self) -> &[RecordingSource] {
+        self.simulation.sources()
+    }
+
+    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+        let [mut recorded, mut truth] = self.columns.map(|columns| vec![0.0; columns.len()]);
+        let [(_, of_recorded), (_, of_truth)] = &self.kept;
+        self.simulation.run(&mut |sample| {
+            let take = |to: &mut Vec<f64>, places: &[usize], all: &[f64]| {
+                to.clear();
+                to.extend(places.iter().map(|place| all.get(*place).copied().unwrap_or(f64::NAN)));
+            };
+            take(&mut recorded, of_recorded, sample.recorded);
+            take(&mut truth, of_truth, sample.truth);
+            each(&SimulatedSample { time_s: sample.time_s, recorded: &recorded, truth: &truth })
+        })
+    }
+}
