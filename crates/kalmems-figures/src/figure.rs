@@ -242,6 +242,19 @@ impl Series {
         })
     }
 
+    /// Spans of x, such as times, shaded from a lowest to a highest y. What lies between them is no missing sample.
+    pub fn spans(
+        label: impl Into<String>,
+        role: SeriesRole,
+        spans: &[[f64; 2]],
+        [low, high]: [f64; 2],
+    ) -> Self {
+        let corners = spans
+            .iter()
+            .flat_map(|[from, to]| [(*from, low, high), (*to, low, high), (*to, f64::NAN, f64::NAN)]);
+        Self { gaps: 0, ..Self::band(label, role, corners.collect::<Vec<_>>()) }
+    }
+
     /// The area between `lower` and `upper` of `(x, lower, upper)`.
     pub fn band<P>(label: impl Into<String>, role: SeriesRole, points: P) -> Self
     where

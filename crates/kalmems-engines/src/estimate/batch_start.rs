@@ -185,7 +185,9 @@ impl StartBatch<'_> {
     fn minima(&self) -> Result<(Fit<MOST_STARTED>, Vec<Fit<MOST_STARTED>>), NoBatchStart> {
         if let Some(near) = &self.search.near {
             let near = std::array::from_fn(|i| near.get(i).copied().unwrap_or(0.0));
-            let found = self.follow(near).ok_or(NoBatchStart::NotFitted)?;
+            // A hundredth of a standard deviation of the start is near enough.
+            let settings = FitSettings { tolerance: 1e-6, polishes: 0, ..self.settings(near) };
+            let found = fit(self, &settings).map_err(|_| NoBatchStart::NotFitted)?;
             return Ok((found.clone(), vec![found]));
         }
         if let Some(found) = self.only_minimum() {

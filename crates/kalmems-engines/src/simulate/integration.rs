@@ -43,6 +43,9 @@ impl IntegrationError {
         simulate: &SimulationMaker<'_>,
     ) -> Result<Option<Self>, SimulateError> {
         let Some(stated) = &experiment.simulate else { return Ok(None) };
+        if simulate(experiment)?.is_exact() {
+            return Ok(None);
+        }
         let with = |noise: bool, steps_hz: Option<f64>| -> Result<_, SimulateError> {
             let (mut other, mut simulation) = (experiment.clone(), stated.clone());
             simulation.noise = noise;

@@ -77,6 +77,11 @@ pub trait Simulation {
         None
     }
 
+    /// Whether its steps are exact, so that shorter ones record the same.
+    fn is_exact(&self) -> bool {
+        false
+    }
+
     /// Files that it is made from.
     fn sources(&self) -> &[RecordingSource] {
         &[]

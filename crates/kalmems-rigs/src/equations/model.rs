@@ -184,6 +184,11 @@ impl EquationModel {
         self.rule == StepRule::Exponential && (self.motion.has_kinks() || self.resets.is_some())
     }
 
+    /// Whether a step is the same from everywhere, but for its inputs.
+    fn is_the_same_everywhere(&self) -> bool {
+        self.rule == StepRule::Exponential && self.motion.is_linear() && self.resets.is_none()
+    }
+
     /// Whether shorter steps are closer to the motion: not where they are exact, or those of a published method.
     pub fn divides(&self) -> bool {
         self.rule == StepRule::Exponential && !self.motion.is_linear() && self.resets.is_none()
@@ -257,7 +262,18 @@ impl EquationModel {
         let mut tables = self.motion.tables();
         self.motion.set_tables(&mut tables, &jacobian, interval_s);
         let (of_half, interval_s) = (OnceCell::new(), 0.5 * interval_s);
-        Linearised { point, tables, half: (of_half, interval_s), jacobian, held, covariance, root, of_rates }
+        let whole = OnceCell::new();
+        Linearised {
+            point,
+            tables,
+            half: (of_half, interval_s),
+            whole,
+            jacobian,
+            held,
+            covariance,
+            root,
+            of_rates,
+        }
     }
 
     /// ∂f/∂x of the moving states at rest, row by row: the linear part of a step there.
@@ -531,6 +547,8 @@ struct Linearised {
     tables: StepTables,
     /// The same for half of the interval, once they are asked for, and that half in s.
     half: (OnceCell<StepTables>, f64),
+    /// The step itself, once it is asked for, of a motion that is linear and has no input: what it adds, and its Jacobian row by row.
+    whole: OnceCell<Option<(Vec<f64>, Vec<f64>)>>,
     /// ∂f/∂x, row by row.
     jacobian: Vec<f64>,
     held: ParameterStep,
@@ -564,9 +582,43 @@ pub struct UnderInputs<'a> {
 }
 
 impl UnderInputs<'_> {
+    /// The step of a motion that is linear and has neither inputs nor parameters that are states: it is the same from everywhere.
+    fn whole(&self) -> Option<&(Vec<f64>, Vec<f64>)> {
+        let model = self.model;
+        if self.inputs.start.len() + model.free.len() > 0 || !model.is_the_same_everywhere() {
+            return None;
+        }
+        let made = self.linearised.whole.get_or_init(|| {
+            let states = model.rest.len();
+            let (mut adds, mut jacobian) = (vec![0.0; states], vec![0.0; states * states]);
+            let (zero, tables) = (vec![0.0; states], &self.linearised.tables);
+            let step = |work: &mut ProgramNumbers| {
+                model.motion.linearized_step(work, &zero, &self.inputs, tables, &mut adds, &mut jacobian)
+            };
+            (model.with_work(0, step) == Some(true)).then_some((adds, jacobian))
+        });
+        made.as_ref()
+    }
+
     /// Moves the states, with the derivatives by all of them where there is room for these.
+    #[allow(clippy::needless_range_loop)] // for each sample: an adapter of iterators is a call
     fn moved(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
         let model = self.model;
+        if let Some((adds, whole)) = self.whole() {
+            let n = x.len();
+            for i in 0..n.min(adds.len()) {
+                let row = &whole[i * n..(i + 1) * n];
+                let mut sum = adds[i];
+                for j in 0..n {
+                    sum += row[j] * x[j];
+                }
+                to[i] = sum;
+            }
+            if !jacobian.is_empty() {
+                jacobian.copy_from_slice(whole);
+            }
+            return self.concluded(Some(to.iter().all(|x| x.is_finite())), x, to);
+        }
         let valued = model.valued(x);
         let Some(at) = valued.get(..x.len()) else { return };
         let (motion, tables) = (&model.motion, &self.linearised.tables);

@@ -216,6 +216,10 @@ impl Simulation for NamedSimulation {
         self.simulation.steps_per_s()
     }
 
+    fn is_exact(&self) -> bool {
+        self.simulation.is_exact()
+    }
+
     fn sources(&self) -> &[RecordingSource] {
         self.simulation.sources()
     }

@@ -413,6 +413,19 @@ impl SimulatedMotion {
     }
 }
 
+/// How many rates follow each other in a row, each depending on the state of the next; more than four where they go round.
+fn longest_row(motion: &Motion) -> usize {
+    let depends: Vec<(usize, usize)> = motion.sparsity().collect();
+    let mut reached: Vec<usize> = depends.iter().map(|(row, _)| *row).collect();
+    let mut length = 0;
+    while !reached.is_empty() && length <= 4 {
+        length += 1;
+        reached =
+            depends.iter().filter(|(_, column)| reached.contains(column)).map(|(row, _)| *row).collect();
+    }
+    length
+}
+
 /// Adds the noise of the rates over a step.
 fn add_noise(state: &mut [f64], sd: &[f64], chance: &mut [WhiteNoise]) {
     for ((state, sd), noise) in state.iter_mut().zip(sd).zip(chance) {
@@ -466,6 +479,14 @@ impl Simulation for EquationSimulation {
 
     fn sources(&self) -> &[RecordingSource] {
         &self.sources
+    }
+
+    /// Runge and Kutta's method is exact for rates that are linear and follow each other in no circle, four of them in a row at most.
+    fn is_exact(&self) -> bool {
+        let is_still = self.drives.is_empty() && self.noises.0.iter().all(|density| *density == 0.0);
+        is_still
+            && !self.own.device.has_resets()
+            && self.own.device.motion(&[]).is_ok_and(|motion| motion.is_linear() && longest_row(&motion) <= 4)
     }
 
     fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {

@@ -71,14 +71,11 @@ fn with_lost(panel: Panel, trajectory: &Trajectory) -> Panel {
     let (Some((first_s, last_s)), Some([low, high])) = (ends, extent(&panel)) else { return panel };
     let spans = trajectory.lock.lost_spans.iter().take(MOST);
     let spans = spans.map(|[from_s, to_s]| [from_s.max(*first_s), to_s.min(*last_s)]);
-    let corners = spans
-        .filter(|[from_s, to_s]| from_s < to_s)
-        .flat_map(|[from_s, to_s]| [(from_s, low, high), (to_s, low, high), (to_s, f64::NAN, f64::NAN)]);
-    let corners: Vec<(f64, f64, f64)> = corners.collect();
-    if corners.is_empty() {
+    let spans: Vec<[f64; 2]> = spans.filter(|[from_s, to_s]| from_s < to_s).collect();
+    if spans.is_empty() {
         return panel;
     }
-    panel.with(Series::band("no estimate", SeriesRole::Model, corners))
+    panel.with(Series::spans("no estimate", SeriesRole::Model, &spans, [low, high]))
 }
 
 /// The lowest and the highest value of a panel's series; nothing where there is none.
