@@ -184,8 +184,7 @@ fn expand_filter(filter: &mut Table, index: usize, expansion: &Expansion) -> boo
         return false;
     }
     // There it would say how far from rest the device is, and not how well its rig finds the start.
-    let had_one = filter.remove("start_sd").is_some();
-    had_one
+    filter.remove("start_sd").is_some()
 }
 
 fn rename_noise(table: &mut Table, expansion: &Expansion) {

@@ -1,5 +1,6 @@
 //! Published devices: a table of their own that means equations, and what goes beside these.
 
+use super::table::ParameterKeys;
 use super::{EquationsRig, EquationsTable};
 use crate::config::{
     ConfigError, DeviceDescription, DeviceKind, DeviceUses, Experiment, OtherTerms, read_device,
@@ -44,10 +45,7 @@ pub trait Preset: DeviceDescription {
 }
 
 /// The equations of an expansion as what another table means; `keys` says where each parameter stands in that, with the power of it there.
-pub fn meant(
-    expansion: &Expansion,
-    keys: fn(&str) -> Vec<(&'static str, i32)>,
-) -> Result<OtherTerms, ConfigError> {
+pub fn meant(expansion: &Expansion, keys: ParameterKeys) -> Result<OtherTerms, ConfigError> {
     let mut table: EquationsTable = read_device(&expansion.text)?;
     table.keys = Some(keys);
     Ok(Arc::new(table))
@@ -71,7 +69,7 @@ impl<T> Default for PresetRig<T> {
 
 impl<T: Preset> PresetRig<T> {
     /// The experiment, whose table has been read, so that its equations are known.
-    fn read<'a>(&self, experiment: &'a Experiment) -> Result<&'a Experiment, ConfigError> {
+    fn read(experiment: &Experiment) -> Result<&Experiment, ConfigError> {
         experiment.device::<T>().map(|_| experiment)
     }
 }
@@ -91,12 +89,12 @@ impl<T: Preset> Rig for PresetRig<T> {
 
     fn uses(&self, experiment: &Experiment) -> DeviceUses {
         let uses =
-            self.read(experiment).map_or_else(|_| DeviceUses::default(), |read| EquationsRig.uses(read));
+            Self::read(experiment).map_or_else(|_| DeviceUses::default(), |read| EquationsRig.uses(read));
         DeviceUses { reads_capacitance: T::READS_CAPACITANCE, ..uses }
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
-        EquationsRig.claims(self.read(experiment)?)
+        EquationsRig.claims(Self::read(experiment)?)
     }
 
     fn length_scale(&self, experiment: &Experiment) -> Result<Option<LengthScale>, ConfigError> {
@@ -104,16 +102,16 @@ impl<T: Preset> Rig for PresetRig<T> {
     }
 
     fn channels(&self, experiment: &Experiment) -> RecordingChannels {
-        self.read(experiment)
+        Self::read(experiment)
             .map_or_else(|_| RecordingChannels::default(), |read| EquationsRig.channels(read))
     }
 
     fn parameters(&self, experiment: &Experiment) -> &'static [DeviceParameter] {
-        self.read(experiment).map_or(&[], |read| EquationsRig.parameters(read))
+        Self::read(experiment).map_or(&[], |read| EquationsRig.parameters(read))
     }
 
     fn densities(&self, experiment: &Experiment) -> Vec<StateDensity> {
-        self.read(experiment).map_or_else(|_| Vec::new(), |read| EquationsRig.densities(read))
+        Self::read(experiment).map_or_else(|_| Vec::new(), |read| EquationsRig.densities(read))
     }
 
     fn identify(&self, experiment: &Experiment, _: &dyn Progress) -> Result<Identification, IdentifyError> {
@@ -121,11 +119,11 @@ impl<T: Preset> Rig for PresetRig<T> {
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-        EquationsRig.wanted(self.read(experiment)?)
+        EquationsRig.wanted(Self::read(experiment)?)
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
-        EquationsRig.layout(self.read(experiment)?, index)
+        EquationsRig.layout(Self::read(experiment)?, index)
     }
 
     fn angles(&self) -> &'static [[&'static str; 2]] {
@@ -133,7 +131,7 @@ impl<T: Preset> Rig for PresetRig<T> {
     }
 
     fn values(&self, experiment: &Experiment) -> &'static [ValueState] {
-        self.read(experiment).map_or(&[], |read| EquationsRig.values(read))
+        Self::read(experiment).map_or(&[], |read| EquationsRig.values(read))
     }
 
     fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
@@ -146,20 +144,20 @@ impl<T: Preset> Rig for PresetRig<T> {
         index: usize,
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
-        EquationsRig.estimator(self.read(experiment)?, index, progress)
+        EquationsRig.estimator(Self::read(experiment)?, index, progress)
     }
 
     fn export(&self, experiment: &Experiment, request: &ExportRequest) -> Result<Exported, ExportError> {
-        EquationsRig.export(self.read(experiment)?, request)
+        EquationsRig.export(Self::read(experiment)?, request)
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
         let mut told = experiment.clone();
         // What starts a simulation of other equations is not about those of the filters.
-        if self.read(experiment)?.device::<T>()?.simulated(experiment)?.is_some() {
+        if Self::read(experiment)?.device::<T>()?.simulated(experiment)?.is_some() {
             told.simulate = None;
         }
-        let mut outlook = EquationsRig.outlook(self.read(&told)?)?;
+        let mut outlook = EquationsRig.outlook(Self::read(&told)?)?;
         outlook.device = T::NAME;
         outlook.topics.extend(T::topics(experiment)?);
         Ok(outlook)

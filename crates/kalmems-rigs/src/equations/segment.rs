@@ -193,26 +193,7 @@ impl Estimator for EquationEstimator<'_> {
             segment.interval_s.recip(),
         )
         .map_err(wrong)?;
-        let mut channels = Vec::new();
-        for (measure, column) in &self.columns.measured {
-            let named = &device.measures()[*measure];
-            let signal = segment.recording.column_of(column, names::kind_of(named))?.of(segment.segment);
-            let Some(variance) = variances[*measure].filter(|variance| *variance > 0.0) else {
-                let key = Key::from("device.equations.noise").child(&named.name);
-                let remedy = match variances[*measure] {
-                    Some(variance) => format!(
-                        "its size at rest is {variance}; expected a positive one, by which a filter weighs the samples, such as that of the \
-                         readout added to it"
-                    ),
-                    None => format!(
-                        "write the variance of a sample of it, such as `{} = \"1e-6[{}^2]\"`; a filter weighs the samples by it",
-                        named.name, named.unit_text
-                    ),
-                };
-                return Err(self.experiment.error(key, ConfigFault::MissingKey { remedy }).into());
-            };
-            channels.push(SegmentChannel::of(device, *measure, variance, signal));
-        }
+        let channels = channels((self.experiment, device), &self.columns, &variances, &segment)?;
         let drive = inputs.iter().find_map(|input| input.first_sine().copied());
         let (motion, judged) = match &settings.sine {
             None => {
@@ -279,6 +260,35 @@ impl Estimator for EquationEstimator<'_> {
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
         self.columns.require_usable(diagnosis, place, |_| true)
     }
+}
+
+/// The measured channels over a segment, with the variance of a sample of each.
+fn channels<'a>(
+    (experiment, device): (&Experiment, &'a Device),
+    columns: &EquationColumns,
+    variances: &[Option<f64>],
+    segment: &SignalSegment<'a>,
+) -> Result<Vec<SegmentChannel<'a>>, EstimateError> {
+    let one = |(measure, column): &(usize, &str)| {
+        let named = &device.measures()[*measure];
+        let signal = segment.recording.column_of(column, names::kind_of(named))?.of(segment.segment);
+        if let Some(variance) = variances[*measure].filter(|variance| *variance > 0.0) {
+            return Ok(SegmentChannel::of(device, *measure, variance, signal));
+        }
+        let key = Key::from("device.equations.noise").child(&named.name);
+        let remedy = match variances[*measure] {
+            Some(variance) => format!(
+                "its size at rest is {variance}; expected a positive one, by which a filter weighs the samples, such as that of the readout \
+                 added to it"
+            ),
+            None => format!(
+                "write the variance of a sample of it, such as `{} = \"1e-6[{}^2]\"`; a filter weighs the samples by it",
+                named.name, named.unit_text
+            ),
+        };
+        Err(experiment.error(key, ConfigFault::MissingKey { remedy }).into())
+    };
+    columns.measured.iter().map(one).collect()
 }
 
 /// How fast the device moves that a steady drive moves, or none; as fast as a hundred samples where it does not oscillate.

@@ -356,23 +356,11 @@ impl EquationFilterSettings {
         let chosen = if measures.is_empty() { all.collect() } else { measures.clone() };
         let signal_variance = filter.signal_variance.as_ref().map(Quantity::si);
         if signal_variance.is_some() {
-            let in_volts = |measure: &usize| {
-                device
-                    .measures()
-                    .get(*measure)
-                    .is_some_and(|named| names::kind_of(named).dimension == kind::VOLTAGE.dimension)
-            };
-            if chosen.len() != 1 || !chosen.iter().all(in_volts) {
-                return refuse(
-                    "signal_variance",
-                    "it is for a filter of one signal in V; name that in `channels`, or leave it out"
-                        .to_owned(),
-                );
-            }
-            if !claims || filter.method.has_fixed_gain() {
-                let why = "this method has no gain that a variance would change; leave it out, or use `ekf`";
-                return refuse("signal_variance", why.to_owned());
-            }
+            let has_gain = claims && !filter.method.has_fixed_gain();
+            refused_signal_variance(device, &chosen, has_gain).map_or(Ok(()), |why| {
+                Err(experiment
+                    .error(at.clone().child("signal_variance"), ConfigFault::Value { why: why.to_owned() }))
+            })?;
         }
         let refused = |why| experiment.error(at.clone().child("method"), ConfigFault::Value { why });
         if device.has_resets() && filter.method == Method::EulerEkf {
@@ -531,6 +519,18 @@ fn following(own: &OwnDevice, start: &[f64], sd: Vec<Option<f64>>) -> Result<Vec
         }
     }
     Ok(all)
+}
+
+/// Why a filter of these measurements has no use for a variance of its signal, where it has none.
+fn refused_signal_variance(device: &Device, chosen: &[usize], has_gain: bool) -> Option<&'static str> {
+    let in_volts = |measure: &usize| {
+        let named = device.measures().get(*measure);
+        named.is_some_and(|named| names::kind_of(named).dimension == kind::VOLTAGE.dimension)
+    };
+    if chosen.len() != 1 || !chosen.iter().all(in_volts) {
+        return Some("it is for a filter of one signal in V; name that in `channels`, or leave it out");
+    }
+    (!has_gain).then_some("this method has no gain that a variance would change; leave it out, or use `ekf`")
 }
 
 /// The measurements that a filter names.

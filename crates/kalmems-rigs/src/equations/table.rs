@@ -91,10 +91,13 @@ pub struct EquationsTable {
     pub sine: Option<SineTable>,
     /// Where each parameter stands in the table that these equations were made from, where they were, with the power of it there.
     #[serde(skip)]
-    pub keys: Option<fn(&str) -> Vec<(&'static str, i32)>>,
+    pub keys: Option<ParameterKeys>,
     #[serde(skip)]
     read: OnceLock<Arc<Device>>,
 }
+
+/// Where a parameter of this name stands in a device's own table, with the power of it there.
+pub type ParameterKeys = fn(&str) -> Vec<(&'static str, i32)>;
 
 /// A state that follows an expression through one pole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

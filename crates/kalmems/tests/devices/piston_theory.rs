@@ -125,12 +125,12 @@ fn the_bound_is_the_independent_one_at_any_sampling_rate() {
 #[test]
 fn a_smoothed_filter_without_process_noise_attains_the_bound() {
     const RUNS: u64 = 40;
+    const ROW: usize = 2000;
     const FILTER: &str = "[[estimate.filter]]\nname = \"five\"\nmethod = \"ekf\"\nstart = \"from_signal\"\nsmooth = true\ngate = false\n\
                           process_noise = { frequency = \"0 Hz^2/s\", offset = \"0 m^2/s\", amplitude_rate = \"0 m^2/s^3\" }\n";
     let (rate_hz, samples) = (20e3, 4001_u32);
     let bound = motion_bound(&plate(), &MOTION, (rate_hz, samples), NOISE).unwrap();
     // From the first sample to another one: A + Ȧ·t and φ + 2π·f·t.
-    const ROW: usize = 2000;
     let t = ROW as f64 / rate_hz;
     let moved = |i: usize, j: usize| match (i, j) {
         (0, 4) => t,
