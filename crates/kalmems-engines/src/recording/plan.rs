@@ -93,7 +93,7 @@ impl ReadingPlan {
         if names.is_empty() {
             return Err(unreadable(Kind::Empty, line, "the file is empty".to_owned()));
         }
-        if names.iter().all(|name| fast_float2::parse::<f64, _>(name).is_ok()) {
+        if names.iter().all(|name| formats::is_value(name)) {
             return Err(unreadable(Kind::NoHeader, line, "the first line holds numbers".to_owned()));
         }
         if let [only] = names.as_slice()
