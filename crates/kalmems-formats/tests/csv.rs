@@ -437,6 +437,8 @@ fn hints_decide() {
     for date in ["2014-05-07 16:29:30.020", "16:29:30.020"] {
         let table = open(&format!("{date},1.5\n{date},2.5\n"), &["time", "cap_V"]).unwrap();
         assert_eq!(whole(table, 9).unwrap().numbers[1], [1.5, 2.5], "{date}");
+        let table = open(&format!("{date},left,1.5\n{date},left,2.5\n"), &["time", "side", "cap_V"]).unwrap();
+        assert_eq!(whole(table, 9).unwrap().numbers[2], [1.5, 2.5], "{date}");
     }
     // So is one with a separator behind its last cell.
     let table = open("0\t1.5\t\n1\t2.5\t\n", &["time_s", "cap_V"]).unwrap();

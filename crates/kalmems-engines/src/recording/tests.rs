@@ -973,8 +973,11 @@ fn cells_of_a_text_without_numbers_are_not_quoted() {
 fn a_first_row_that_begins_with_a_date_is_no_line_of_names() {
     for (first, second) in [("2014-05-07 16:29:30.020", "2014-05-07 16:29:30.030"), ("16:29:30", "16:29:31")]
     {
-        let found = diagnosis(&format!("{first},0.1\n{second},0.2\n"), &layout("time_s", "", &[]));
-        assert!(found.contains("the first line holds numbers"), "{found}");
+        for word in ["", ",left"] {
+            let text = format!("{first}{word},0.1\n{second}{word},0.2\n");
+            let found = diagnosis(&text, &layout("time_s", "", &[]));
+            assert!(found.contains("the first line holds numbers"), "{found}");
+        }
     }
 }
 
