@@ -158,7 +158,7 @@ fn distinct(names: impl IntoIterator<Item = String>) -> Vec<String> {
     let mut distinct: Vec<String> = Vec::new();
     for name in names {
         let numbered = |count: usize| if count == 1 { name.clone() } else { format!("{name} {count}") };
-        let free = (1..).map(numbered).find(|candidate| !distinct.contains(candidate));
+        let free = (1..=distinct.len() + 1).map(numbered).find(|candidate| !distinct.contains(candidate));
         distinct.extend(free);
     }
     distinct
