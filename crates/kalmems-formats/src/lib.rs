@@ -56,7 +56,7 @@ mod wav;
 
 pub use arrays::{Array, ArrayType, Arrays};
 pub use block::{Block, CellFault, CellFinding, Labels};
-pub use csv::{CellReader, CsvHints, may_be_grouped, open_csv, read_csv};
+pub use csv::{CellReader, CsvHints, is_value, may_be_grouped, open_csv, read_csv};
 pub use decimal::Shift;
 pub use error::FormatError;
 pub(crate) use error::{Result, refuse_if};

@@ -223,20 +223,17 @@ const OTHERS: [(&[u8], &str); 8] = [
     (b"ARROW1\0", "begins as Arrow IPC: write it as Parquet"),
 ];
 
-/// Texts that stand in the place of a file.
-const POINTERS: [(&[u8], &str); 2] = [
-    (
-        b"version https://git-lfs.github.com/spec/",
-        "is a pointer of Git LFS, not the file itself: fetch it with `git lfs pull`",
-    ),
-    (b"/annex/objects/", "is a pointer of git-annex, not the file itself: fetch it with `git annex get`"),
-];
-
 /// A kind of file by any of these bytes, each from a place on, and what to do with it.
 type KnownBeginning = (&'static [(usize, &'static [u8])], &'static str);
 
-/// Files of instruments in formats of their own: what they begin with, and what to export in the place of them.
-const INSTRUMENTS: [KnownBeginning; 6] = [
+/// Texts that stand in the place of a file, and files of instruments in formats of their own: what they begin with, and what to export in
+/// the place of them.
+const BEGINNINGS: [KnownBeginning; 8] = [
+    (
+        &[(0, b"version https://git-lfs.github.com/spec/")],
+        "is a pointer of Git LFS, not the file itself: fetch it with `git lfs pull`",
+    ),
+    (&[(0, b"/annex/objects/")], "is a pointer of git-annex, not the file: fetch it with `git annex get`"),
     (
         &[(2, b":WFM#")],
         "is a Tektronix `.wfm`: save it as CSV on the oscilloscope (File, Save As, Waveform, .csv), or convert it with TekScope",
@@ -259,10 +256,7 @@ const INSTRUMENTS: [KnownBeginning; 6] = [
 
 /// The same by the ending of a name, of files whose content says nothing.
 const ENDINGS: [(&str, &str); 8] = [
-    (
-        "wfm",
-        "a waveform in the format of an oscilloscope: save it as CSV there (Tektronix, Rigol, Rohde & Schwarz)",
-    ),
+    ("wfm", "a waveform in the format of Tektronix, Rigol or Rohde & Schwarz: save it as CSV there"),
     ("trc", "a trace in the format of LeCroy: save it as text or MATLAB there (File, Save Waveform)"),
     ("isf", "a waveform in the format of Tektronix: save it as CSV there (File, Save As, Waveform)"),
     (
@@ -284,10 +278,8 @@ fn by_ending(name: &str) -> Option<&'static str> {
 fn of_content(source: &SharedFile, beginning: &[u8]) -> Result<RecognizedContent> {
     let at = |place: usize, magic: &[u8]| beginning.get(place..).is_some_and(|rest| rest.starts_with(magic));
     let text = is_text(beginning);
-    let pointer = POINTERS.iter().find(|(magic, _)| at(0, magic)).map(|(_, what)| *what);
     let begins = |begin: &KnownBeginning| begin.0.iter().any(|(place, magic)| at(*place, magic));
-    let instrument = INSTRUMENTS.iter().find(|known| begins(known)).map(|(_, what)| *what);
-    if let Some(what) = pointer.or(instrument) {
+    if let Some((_, what)) = BEGINNINGS.iter().find(|known| begins(known)) {
         return Ok(RecognizedContent::Other(what));
     }
     let known = KNOWN.iter().find(|(place, magic, ..)| !text && at(*place, magic));

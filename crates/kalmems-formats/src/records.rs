@@ -542,16 +542,11 @@ fn refuse_infinities(numbers: &mut [f64], column: usize, line: u64, faults: &mut
     if numbers.iter().filter(|number| !number.is_finite()).count() == 0 {
         return;
     }
-    for (place, number) in numbers.iter_mut().enumerate() {
-        if number.is_finite() {
-            continue;
-        }
-        let fault = if number.is_nan() {
-            CellFinding::Nan("NaN".to_owned())
-        } else {
-            CellFinding::Infinite(number.to_string())
+    for (place, number) in numbers.iter_mut().enumerate().filter(|(_, number)| !number.is_finite()) {
+        let fault = match std::mem::replace(number, f64::NAN) {
+            nan if nan.is_nan() => CellFinding::Nan("NaN".to_owned()),
+            infinite => CellFinding::Infinite(infinite.to_string()),
         };
-        *number = f64::NAN;
         faults.push(CellFault { row: place, line: line + place as u64, column: Some(column), fault });
     }
 }

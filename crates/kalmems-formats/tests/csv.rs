@@ -299,6 +299,47 @@ fn dialects_of_instruments() {
             "time_s Voltage_V",
             &[&[0.0, 1.25], &[0.001, 1.5]],
         ),
+        (
+            "rigol_channels_alone.csv",
+            "written by a Rigol oscilloscope, separated by commas, units in line 2, `time_s` from -0.0003 on in \
+             steps of 1e-7, as the header says",
+            "time_s CH2_V CH4_V",
+            &[&[-3e-4, 1.92, -2.88e-3], &[-3e-4 + 1e-7, 1.96, -2.56e-3]],
+        ),
+        (
+            "gw_instek.csv",
+            "written by a GW Instek oscilloscope, separated by commas, names in line 3, units in the preamble",
+            "time_s CH1_V",
+            &[&[-3.245e-6, -0.038], &[-3.24475e-6, -0.04], &[-3.2445e-6, -0.036]],
+        ),
+        (
+            "axon.atf",
+            "written by pCLAMP (Axon), separated by tabs, names in line 7, units in the names",
+            "Time_s Trace #1_pA Trace #1_mV",
+            &[&[0.0, -10.498, -1.035_46], &[6.25e-5, -11.3525, -1.036_68]],
+        ),
+        (
+            "labchart.txt",
+            "written by LabChart (ADInstruments), separated by tabs, names in line 9, times in seconds, no units of the \
+             channels",
+            "time_s Drive Mirror",
+            &[&[0.5, 3.202_508, -42.388_33], &[0.51, 3.202_531, -42.376_96]],
+        ),
+        (
+            "shimmer.csv",
+            "separated by tabs, names in line 2, units in line 3",
+            "S_Timestamp_Unix_CAL_ms S_Accel_LN_X_CAL_m_per_s2 S_Gyro_X_CAL_deg_per_s S_Mag_X_CAL",
+            &[
+                &[1.629e12, -1.789_62, -565.305, 0.526_23],
+                &[1.629_000_000_002e12, -2.201_46, -564.41, 0.509_74],
+            ],
+        ),
+        (
+            "ec_lab.mpt",
+            "separated by tabs, decimal commas, names in line 6, units in the names",
+            "mode time_s Ewe_V <I>_mA",
+            &[&[2.0, 20.65, 3.424_187_2, 9.693_702e-3], &[2.0, 21.15, 3.424_213_9, 1.058_848e-2]],
+        ),
     ];
     for (file, recognised, columns, rows) in expected {
         let table = open_csv(&folder.join(file), &Hints::default()).unwrap();
@@ -333,6 +374,7 @@ fn what_has_two_readings_is_refused_with_what_to_write() {
         ("LabOne sweep", "chunk;timestamp;size;fieldname;v1;v2\n0;0;2;frequency;100;10\n0;0;2;realz;20;30\n"),
         ("words above blanks", "time cap left\n0 1\n1 2\n"),
         ("NUL", "time_s,cap_V\n0,1\n\0\0\n"),
+        ("line ends of an old Macintosh", "time_s,cap_V\r0,1\r1,2\r"),
         ("LabVIEW without end", "LabVIEW Measurement\t\nSeparator\tTab\n1\t2\n"),
     ] {
         let error = read_csv(Cursor::new(file.as_bytes()), &Hints::default()).err().unwrap();
@@ -350,6 +392,8 @@ LabOne sweep: CSV: a LabOne file with a line for each field, such as sweeps are 
 words above blanks: 3 words in line 1 above rows of 2 numbers between blanks; expected a name for each column, in the \
 file or in the settings: `format = { kind = \"csv\", columns = [\"time_s\", …] }` in the table that names the file
 NUL: a byte that is no text, 17 bytes from line 1 on; expected text
+line ends of an old Macintosh: lines that end with a carriage return alone; expected lines that end with a line feed: \
+convert the file, such as with `tr '\\r' '\\n'`
 LabVIEW without end: damaged LabVIEW measurement at header: no end; expected `***End_of_Header***` twice, once for the \
 file and once for the channels
 ";
@@ -382,11 +426,22 @@ fn hints_decide() {
         columns: Some(columns.iter().map(|&name| name.to_owned()).collect()),
         ..Hints::default()
     };
-    let open = |file: &'static str, columns: &[&str]| read_csv(Cursor::new(file.as_bytes()), &named(columns));
+    let open =
+        |file: &str, columns: &[&str]| read_csv(Cursor::new(file.as_bytes().to_vec()), &named(columns));
     let table = open("0\t1,5\n1\t2,5\n", &["time_s", "cap_V"]);
     assert!(table.is_err(), "tabs or commas");
     let table = open("0;1.5\n1;2.5\n", &["time_s", "cap_V"]).unwrap();
     assert_eq!(names(table.as_ref()), ["time_s", "cap_V"]);
+    assert_eq!(whole(table, 9).unwrap().numbers, [[0.0, 1.0], [1.5, 2.5]]);
+    // A first row that begins with a date is one as well.
+    for date in ["2014-05-07 16:29:30.020", "16:29:30.020"] {
+        let table = open(&format!("{date},1.5\n{date},2.5\n"), &["time", "cap_V"]).unwrap();
+        assert_eq!(whole(table, 9).unwrap().numbers[1], [1.5, 2.5], "{date}");
+        let table = open(&format!("{date},left,1.5\n{date},left,2.5\n"), &["time", "side", "cap_V"]).unwrap();
+        assert_eq!(whole(table, 9).unwrap().numbers[2], [1.5, 2.5], "{date}");
+    }
+    // So is one with a separator behind its last cell.
+    let table = open("0\t1.5\t\n1\t2.5\t\n", &["time_s", "cap_V"]).unwrap();
     assert_eq!(whole(table, 9).unwrap().numbers, [[0.0, 1.0], [1.5, 2.5]]);
     let table = open("a,b\n1,2.5\n", &["time_s", "cap_V"]).unwrap();
     assert_eq!(whole(table, 9).unwrap().numbers, [[1.0], [2.5]]);

@@ -93,7 +93,10 @@ impl ReadingPlan {
         if names.is_empty() {
             return Err(unreadable(Kind::Empty, line, "the file is empty".to_owned()));
         }
-        if names.iter().all(|name| fast_float2::parse::<f64, _>(name).is_ok()) {
+        // Below a date stand dates.
+        let is_date =
+            |(column, name): (usize, &String)| time_kind(column).is_some() && formats::is_value(name);
+        if names.iter().all(|name| formats::is_value(name)) || names.iter().enumerate().any(is_date) {
             return Err(unreadable(Kind::NoHeader, line, "the first line holds numbers".to_owned()));
         }
         if let [only] = names.as_slice()

@@ -968,6 +968,19 @@ fn cells_of_a_text_without_numbers_are_not_quoted() {
     }
 }
 
+/// As loggers write that have no names: the first sample must not be lost for them.
+#[test]
+fn a_first_row_that_begins_with_a_date_is_no_line_of_names() {
+    for (first, second) in [("2014-05-07 16:29:30.020", "2014-05-07 16:29:30.030"), ("16:29:30", "16:29:31")]
+    {
+        for word in ["", ",left"] {
+            let text = format!("{first}{word},0.1\n{second}{word},0.2\n");
+            let found = diagnosis(&text, &layout("time_s", "", &[]));
+            assert!(found.contains("the first line holds numbers"), "{found}");
+        }
+    }
+}
+
 /// Of a column that holds what another holds, with its sign or the other, both are told; levels that are the same for a while, or constants,
 /// are none.
 #[test]

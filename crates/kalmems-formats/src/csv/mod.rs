@@ -13,6 +13,7 @@ mod utf16;
 
 pub use cell::CellReader;
 pub(crate) use cell::excerpt;
+pub use dialect::is_value;
 pub use grouped::may_be_grouped;
 pub use hints::CsvHints;
 

@@ -44,9 +44,12 @@ pub(super) fn find(
             .and_then(|below| below.units)
             .or_else(|| Some(head.filled(after)).filter(|index| is_units(head, *index, separator, &names))),
     };
+    // A separator may stand behind the last of values in the place of names, and words next to a date.
+    let values = || names.iter().rev().skip_while(|name| name.is_empty()).all(|name| marks::is_value(name));
+    let values = || values() || names.iter().any(|name| parse_iso(name.as_bytes()).is_some());
     let first_row = match hints.csv.first_row_line {
         Some(line) => line_index(head, line, "first_row_line")?,
-        None if hints.columns.is_some() && names.iter().all(|name| is_number(name)) => header,
+        None if hints.columns.is_some() && values() => header,
         None => match &below {
             Some(below) => below.first_row,
             None => units_index.map_or(after, |index| head.filled(index + 1)),

@@ -3,6 +3,7 @@
 use super::head::{TextHead, cells, text};
 use crate::csv::grouped::grouped;
 use crate::csv::split::{BLANKS, Split};
+use crate::time::parse_iso;
 use crate::{CsvHints, FormatError, Result};
 use std::collections::BTreeSet;
 
@@ -44,6 +45,11 @@ pub(in crate::csv) fn behind_name(cell: &[u8]) -> &[u8] {
 pub(super) fn is_number(cell: &str) -> bool {
     let plain = !cell.ends_with(',') && !cell.is_empty();
     plain && fast_float2::parse::<f64, _>(cell.replace(',', ".").replace('−', "-")).is_ok()
+}
+
+/// Whether a cell is a number, a date or a time of day, and no name.
+pub fn is_value(cell: &str) -> bool {
+    is_number(cell) || parse_iso(cell.as_bytes()).is_some()
 }
 
 /// The cells of the rows from a line on whose digits stand in groups that can mean nothing else.

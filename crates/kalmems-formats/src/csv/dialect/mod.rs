@@ -18,6 +18,7 @@ use crate::{Column, FormatError, Hints, Result, TableEvidence, limits};
 use comments::Comments;
 use head::TextHead;
 pub(super) use instruments::Heading;
+pub use marks::is_value;
 use std::collections::BTreeSet;
 
 /// As many lines are looked at, or as many bytes where lines are long.
@@ -140,10 +141,10 @@ impl RecognizedText {
 
     /// Whether a row has as many cells as it should.
     pub(super) fn fits(&self, row: &Split) -> bool {
-        row.len() == self.cells
-            || self.trailing
-                && row.len() == self.cells + 1
-                && (self.remarks || row.cell(self.cells).is_empty())
+        let last = row.cell(self.cells);
+        // LabChart writes comments so.
+        let behind = self.trailing && (self.remarks || last.is_empty()) || last.starts_with(b"#*");
+        row.len() == self.cells || row.len() == self.cells + 1 && behind
     }
 }
 
@@ -199,6 +200,10 @@ pub(super) fn recognise(input: &mut CsvInput, hints: &Hints) -> Result<Dialect> 
     let head = TextHead::new(input.lines(), line, wanted);
     if head.len() == 0 {
         return Ok(nothing());
+    }
+    if head.line(0).trim_ascii_end().contains(&b'\r') {
+        let expected = "lines that end with a line feed: convert the file, such as with `tr '\\r' '\\n'`";
+        return Err(FormatError::not_recognised("lines that end with a carriage return alone", expected));
     }
     let hints = &Hints { csv, ..hints.clone() };
     let found = match hints.csv.header_line {

@@ -42,7 +42,9 @@ pub(super) fn find(head: &TextHead) -> Result<Option<HeaderPlace>> {
             // The lines of words directly above, with as many cells.
             let is_words = |row: &usize| {
                 let cells = head.cells(*row, separator);
-                cells.len() == count && !cells.iter().any(|cell| is_number(cell))
+                // A separator may stand behind the last name.
+                let names = cells.len() - usize::from(cells.len() > count && cells[count..] == [""]);
+                names == count && !cells.iter().any(|cell| is_number(cell))
             };
             let above: Vec<usize> = (0..first_row).rev().take_while(is_words).collect();
             let words: Vec<usize> = above.into_iter().rev().collect();
@@ -115,8 +117,9 @@ fn of_words(head: &TextHead, separator: u8, words: &[usize], first_row: usize) -
     let cells = |row: usize| head.cells(row, separator);
     let last = words.len() - 1;
     let place = |names: usize, units: Option<usize>| HeaderPlace { names, units, first_row };
-    // Names with their units stand directly above the rows.
-    if cells(words[last]).iter().any(|name| says_unit(name)) || words.len() == 1 {
+    // Names with their units stand directly above the rows; of `deg/s` nobody knows, and units stand there as well.
+    if cells(words[last]).iter().any(|cell| unit_cell(cell).is_none() && says_unit(cell)) || words.len() == 1
+    {
         return Ok(place(words[last], None));
     }
     let below = words.iter().position(|row| has_units(head, *row, separator)).filter(|units| *units > 0);

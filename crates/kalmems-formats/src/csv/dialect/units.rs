@@ -8,11 +8,10 @@ pub(super) fn unit_cell(cell: &str) -> Option<String> {
     let cell = cell.trim();
     match in_brackets(cell) {
         Some(("", inside)) => Some(unit_ending(inside).unwrap_or_else(|| inside.trim().to_owned())),
-        Some(_) => None,
         None if cell == "-" => Some(String::new()),
         // A row of ones.
         None if cell == "1" => None,
-        None => unit_ending(cell),
+        _ => unit_ending(cell),
     }
 }
 

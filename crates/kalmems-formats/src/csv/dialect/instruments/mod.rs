@@ -46,9 +46,8 @@ impl TextBeginning<'_> {
         match signature {
             Signature::Comment(_) => false,
             Signature::Line(begin) => (0..2).any(|line| self.head.line(line).starts_with(begin.as_bytes())),
-            Signature::Cells(cells) => {
-                cells.iter().all(|(index, text)| self.cells.get(*index).is_some_and(|cell| cell == text))
-            }
+            Signature::Cells(first) => self.cells.get(..first.len()).is_some_and(|cells| cells == *first),
+            Signature::Holds(cells) => cells.iter().all(|text| self.cells.iter().any(|cell| cell == text)),
         }
     }
 
@@ -158,13 +157,9 @@ fn number(cell: Option<&String>) -> Option<f64> {
 fn distinct(names: impl IntoIterator<Item = String>) -> Vec<String> {
     let mut distinct: Vec<String> = Vec::new();
     for name in names {
-        let mut candidate = name.clone();
-        let mut count = 1;
-        while distinct.contains(&candidate) {
-            count += 1;
-            candidate = format!("{name} {count}");
-        }
-        distinct.push(candidate);
+        let numbered = |count: usize| if count == 1 { name.clone() } else { format!("{name} {count}") };
+        let free = (1..=distinct.len() + 1).map(numbered).find(|candidate| !distinct.contains(candidate));
+        distinct.extend(free);
     }
     distinct
 }

@@ -15,8 +15,10 @@ pub(super) enum Signature {
     Comment(&'static str),
     /// The first line, or the one behind it, begins with this.
     Line(&'static str),
-    /// Cells of the first line.
-    Cells(&'static [(usize, &'static str)]),
+    /// The first cells of the first line.
+    Cells(&'static [&'static str]),
+    /// Cells of the first line, wherever in it.
+    Holds(&'static [&'static str]),
 }
 
 /// Where the columns stand.
@@ -35,7 +37,7 @@ pub(super) enum TextLayout {
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum NamePlace {
     Header,
-    /// In the header, before two cells that have start and step of the clock in the line below; the first column counts the steps.
+    /// In the header, before two cells that have start and step of the clock in the line below; a first column `X` counts the steps.
     HeaderBeforeClock(&'static str, &'static str),
     /// Behind the first of these keys that is there; the first column is the time.
     Keys(&'static [&'static str]),
@@ -62,8 +64,8 @@ pub(super) struct WaveformKeys {
     pub(super) value_units: &'static [(&'static str, usize)],
 }
 
-use NamePlace::{Header, HeaderBeforeClock};
-use Signature::{Cells, Comment, Line};
+use NamePlace::{Header, HeaderBeforeClock, Keys};
+use Signature::{Cells, Comment, Holds, Line};
 use UnitPlace::Known;
 
 /// One with names in the line whose first cell is one of these.
@@ -92,10 +94,19 @@ const fn waveforms(name: &'static str, signature: Signature, keys: WaveformKeys)
 }
 
 const RIGOL: &str = "a Rigol oscilloscope";
+const RIGOL_NAMES: [&str; 5] = ["X", "CH1", "CH2", "CH3", "CH4"];
+const RIGOL_CLOCK: NamePlace = HeaderBeforeClock("Start", "Increment");
+const SIGLENT: &str = "a Siglent oscilloscope";
 const TEKTRONIX: &str = "a Tektronix oscilloscope";
+/// In the line of the first column's name.
+const OWN_LINE: UnitPlace = UnitPlace::Line(0);
 const TEKTRONIX_UNITS: UnitPlace = UnitPlace::Keys("Horizontal Units", "Vertical Units");
 const LABONE: &str = "LabOne (Zurich Instruments)";
 const LABONE_UNITS: UnitPlace = Known(&[("freq", "Hz")], "no units, times in ticks of the device's clock");
+const LABCHART: &str = "LabChart (ADInstruments)";
+/// The last of its lines of settings, of files with units of the channels and without.
+const LABCHART_LAST: [&str; 2] = ["BottomValue=", "Range="];
+const LABCHART_UNITS: UnitPlace = Known(&[("time", "s")], "times in seconds, no units of the channels");
 const LECROY_UNITS: UnitPlace = Known(&[("Time", "s")], "times in seconds, no unit of the amplitudes");
 const INFINIIUM: WaveformKeys = WaveformKeys {
     names: "",
@@ -111,6 +122,13 @@ const YOKOGAWA: WaveformKeys = WaveformKeys {
     time_units: &[("HUnit", 0)],
     value_units: &[("VUnit", 0)],
 };
+const GW_INSTEK: WaveformKeys = WaveformKeys {
+    names: "Source",
+    starts: "",
+    steps: "Sampling Period",
+    time_units: &[("Horizontal Units", 0)],
+    value_units: &[("Vertical Units", 0)],
+};
 const XSENS_UNITS: &[(&str, &str)] = &[
     ("Acc_", "m_per_s2"),
     ("FreeAcc_", "m_per_s2"),
@@ -121,44 +139,39 @@ const XSENS_UNITS: &[(&str, &str)] = &[
 ];
 
 /// The first that fits counts.
-pub(in crate::csv::dialect) const ALL: [InstrumentDialect; 17] = [
-    // DS1000 and its kin: `X,CH1,Start,Increment,`, then `Sequence,Volt,-3e-04,1e-07`. What newer ones write is known as any text.
-    titled(RIGOL, Cells(&[(0, "X")]), &["X"], HeaderBeforeClock("Start", "Increment"), UnitPlace::Line(1)),
+pub(in crate::csv::dialect) const ALL: [InstrumentDialect; 20] = [
+    // DS1000 and its kin: `X,CH1,Start,Increment,`, then `Sequence,Volt,-3e-04,1e-07`, or channels alone. What newer ones write is
+    // known as any text.
+    titled(RIGOL, Holds(&["Start", "Increment"]), &RIGOL_NAMES, RIGOL_CLOCK, UnitPlace::Line(1)),
     // UltraScope: `"Number of Data points =",8192,` and lines of settings, the channels behind `"Channel Data"`.
-    titled(
-        RIGOL,
-        Cells(&[(0, "Number of Data points =")]),
-        &["Time (s)"],
-        NamePlace::Keys(&["Channel Data"]),
-        UnitPlace::Line(0),
-    ),
+    titled(RIGOL, Cells(&["Number of Data points ="]), &["Time (s)"], Keys(&["Channel Data"]), OWN_LINE),
     // InfiniiVision: `x-axis,1,2`, then `second,Volt,Volt`.
-    titled("a Keysight oscilloscope", Cells(&[(0, "x-axis")]), &["x-axis"], Header, UnitPlace::Line(1)),
+    titled("a Keysight oscilloscope", Cells(&["x-axis"]), &["x-axis"], Header, UnitPlace::Line(1)),
     waveforms("a Keysight Infiniium oscilloscope", Line("Revision:"), INFINIIUM),
     // `LECROYWR640Zi,12345,Waveform`, lines on the segments, then `Time,Ampl`.
     titled("a LeCroy oscilloscope", Line("LECROY"), &["Time"], Header, LECROY_UNITS),
     // Lines of settings, then `Second,Volt,Volt`; the channels stand in `Source,CH1,CH2` in newer ones, in
     // `Vertical Scale,CH1: 0.05,CH2: 1.0` in older.
-    titled(
-        "a Siglent oscilloscope",
-        Line("Record Length,Analog"),
-        &["Second"],
-        NamePlace::Keys(&["Source", "Vertical Scale"]),
-        UnitPlace::Line(0),
-    ),
+    titled(SIGLENT, Line("Record Length,Analog"), &["Second"], Keys(&["Source", "Vertical Scale"]), OWN_LINE),
     // TDS and TBS1000.
     InstrumentDialect {
         name: "a Tektronix TDS oscilloscope",
-        signature: Cells(&[(0, "Record Length")]),
+        signature: Cells(&["Record Length"]),
         layout: TextLayout::BesideRows { time: 3, value: 4 },
     },
     // Series 2 to 6 and TBS.
-    titled(TEKTRONIX, Cells(&[(0, "Record Length")]), &["TIME", "Time"], Header, TEKTRONIX_UNITS),
-    titled(TEKTRONIX, Cells(&[(0, "Model")]), &["TIME", "Time"], Header, TEKTRONIX_UNITS),
+    titled(TEKTRONIX, Cells(&["Record Length"]), &["TIME", "Time"], Header, TEKTRONIX_UNITS),
+    titled(TEKTRONIX, Cells(&["Model"]), &["TIME", "Time"], Header, TEKTRONIX_UNITS),
+    // GDS-1000 and MDO-2000 with times: lines of settings, `Waveform Data,`, then times and values.
+    waveforms("a GW Instek oscilloscope", Cells(&["Memory Length"]), GW_INSTEK),
     // DL, DLM and ScopeCorder: `"Header Size",16`; below the keys stands an empty cell, or the time.
-    waveforms("a Yokogawa oscilloscope", Cells(&[(0, "Header Size")]), YOKOGAWA),
-    titled(LABONE, Cells(&[(0, "chunk"), (1, "timestamp")]), &["chunk", "timestamp"], Header, LABONE_UNITS),
-    titled(LABONE, Cells(&[(0, "timestamp"), (1, "value")]), &["chunk", "timestamp"], Header, LABONE_UNITS),
+    waveforms("a Yokogawa oscilloscope", Cells(&["Header Size"]), YOKOGAWA),
+    titled(LABONE, Cells(&["chunk", "timestamp"]), &["chunk", "timestamp"], Header, LABONE_UNITS),
+    titled(LABONE, Cells(&["timestamp", "value"]), &["chunk", "timestamp"], Header, LABONE_UNITS),
+    // `.atf`: `ATF 1.0`, how many lines of settings and columns follow, then the names.
+    titled("pCLAMP (Axon)", Line("ATF"), &["Time (s)"], Header, Known(&[], "units in the names")),
+    // Text of LabChart: lines such as `Interval=`, the channels behind `ChannelTitle=`, and rows behind the last of them.
+    titled(LABCHART, Line("Interval="), &LABCHART_LAST, Keys(&["ChannelTitle="]), LABCHART_UNITS),
     plain("a Moku", "Moku", &[]),
     plain("sigrok", "CSV generated by libsigrok", &[]),
     plain("sigrok", "CSV, generated by libsigrok", &[]),

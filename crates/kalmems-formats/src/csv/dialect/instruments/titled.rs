@@ -37,16 +37,14 @@ fn below(
             let place = |key: &str| names.iter().position(|name| name == key);
             let (start, step) = (place(start)?, place(step)?);
             names.truncate(start);
-            Some((number(values.get(start))?, number(values.get(step))?))
+            Some((number(values.get(start))?, number(values.get(step))?, names.first()? == "X"))
         }
         NamePlace::Keys(keys) => {
             let behind = keys.iter().find_map(|key| text.values(key)).unwrap_or_default();
             let name = |cell: &String| cell.split(':').next().unwrap_or_default().trim().to_owned();
             let channels = behind.iter().map(name).filter(|name| !name.is_empty());
             let all: Vec<String> = std::iter::once("time".to_owned()).chain(channels).collect();
-            let numbered =
-                |index: usize| if index == 0 { "time".to_owned() } else { format!("column_{}", index + 1) };
-            names = if all.len() == names.len() { all } else { (0..names.len()).map(numbered).collect() };
+            names = if all.len() == names.len() { all } else { vec![String::new(); names.len()] };
             None
         }
         NamePlace::Header => None,
@@ -55,8 +53,8 @@ fn below(
         UnitPlace::Line(below) => {
             let (mut units, _) = text.filled(header + below);
             units.truncate(names.len());
-            // Beside a clock the first cell says what is counted.
-            for unit in units.iter_mut().skip(usize::from(clock.is_some())) {
+            // Beside a clock the first cell says what is counted, if it counts.
+            for unit in units.iter_mut().skip(usize::from(clock.is_some_and(|(.., counts)| counts))) {
                 *unit = unit_ending(unit).or_else(|| Some(parts(unit)?.1))?;
             }
             if units.len() != names.len() {
@@ -82,13 +80,18 @@ fn below(
         let unit = if index == 0 && unit == "S" { "s" } else { unit };
         (column_name(&plain_name(name), Some(unit), index), ColumnOrigin::Cell(index))
     };
-    let mut columns: Vec<_> = names.iter().enumerate().map(column).collect();
-    if let (Some((start, step)), Some(first)) = (clock, columns.first_mut()) {
-        *first = ("time_s".to_owned(), ColumnOrigin::Affine { cell: 0, start, step });
-    }
+    let columns: Vec<_> = names.iter().enumerate().map(column).collect();
     let mut found = text.found(instrument, header, first_row, columns, said);
     // Rows end with the last channel, or with empty cells below the clock.
     found.trailing |= clock.is_some() && found.cells == names.len();
+    if let Some((start, step, counts)) = clock {
+        let origin = if counts {
+            ColumnOrigin::Affine { cell: 0, start, step }
+        } else {
+            ColumnOrigin::Counted { start, step }
+        };
+        found.columns.splice(..usize::from(counts), [("time_s".to_owned(), origin)]);
+    }
     segments(text, &mut found);
     Some(found)
 }

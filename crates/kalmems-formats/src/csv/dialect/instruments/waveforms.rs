@@ -92,6 +92,10 @@ pub(super) fn find(
         _ => return Ok(None),
     };
     let cell = |index: usize| if times.len() > 1 { 2 * index + 1 } else { index + before };
+    // Of rows without a clock nobody knows what they count.
+    if times.is_empty() && starts.is_empty() {
+        return Ok(None);
+    }
     let clocks = number(starts.first()).zip(number(steps.first())).map(|(start, step)| {
         let of = |cells: &[String], index: usize, first: f64| number(cells.get(index)).unwrap_or(first);
         let clock = |index| {
@@ -105,7 +109,10 @@ pub(super) fn find(
         names: &names,
         times,
         clocks: clocks.unwrap_or_default(),
-        time_unit: &|index| unit_at(&time_units, index).or_else(|| Some("s".to_owned())),
+        // Some write a capital for seconds.
+        time_unit: &|index| {
+            Some(unit_at(&time_units, index).map_or("s".into(), |unit| unit.replace('S', "s")))
+        },
         unit: &|index| unit_at(&value_units, index),
     };
     let own_times = waveforms.own_times();
