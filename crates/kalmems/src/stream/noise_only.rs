@@ -340,7 +340,9 @@ mod tests {
         assert!(!over.noise_only && (0.0..100.0).contains(&cycles(over.time_s - 0.12)), "{over:?}");
         // A few absurd samples hide neither a motion nor noise.
         let mut spiky = signal.clone();
-        [10_000, 10_050, 10_400, 19_990, 30_000, 45_000].iter().for_each(|k| spiky[*k] = 1000.0);
+        for k in [10_000, 10_050, 10_400, 19_990, 30_000, 45_000] {
+            spiky[k] = 1000.0;
+        }
         let mut watch = watching();
         assert_eq!(watch.take(&time, &spiky), changes);
         // A signal that does not move at all is no motion either.

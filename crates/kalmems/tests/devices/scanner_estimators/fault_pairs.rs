@@ -144,7 +144,7 @@ impl Form {
         if matches!(self, Self::CountedFrames) {
             bytes.extend_from_slice(&u16::try_from(number % 65_536).unwrap().to_le_bytes());
         }
-        sample.iter().for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
+        bytes.extend(sample.iter().flat_map(|x| x.to_le_bytes()));
         bytes
     }
 }
@@ -192,7 +192,7 @@ fn sent(count: usize, faults: &[(Fault, usize)], form: Form) -> (VecDeque<Vec<u8
         match begins {
             Some(Fault::Again) => {
                 repeated += last.len();
-                last.iter().for_each(|bytes: &Vec<u8>| piece.extend_from_slice(bytes));
+                piece.extend(last.iter().flatten());
             }
             Some(Fault::Ahead | Fault::Back) => last.clear(),
             Some(Fault::Reset) => {
