@@ -8,8 +8,8 @@ use crate::tell::{StandardError, line, tell};
 use kalmems::recording::ReadError;
 use kalmems::rigs::Workbench;
 use kalmems::stream::{
-    AheadSummary, StreamEnd, StreamError, StreamOutputs, StreamSummary, Supervisor, is_frames, is_lines,
-    stream, stream_with_page,
+    AheadSummary, SYNC_ORIGIN, StreamEnd, StreamError, StreamOutputs, StreamSummary, Supervisor, is_frames,
+    is_lines, stream, stream_with_page,
 };
 use kalmems::units::{Value, kind};
 use rotation::{FileRotation, FileSeries, SeriesWriter};
@@ -79,7 +79,7 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
     let opened = |to: Option<&Path>, form| to.map(|to| output(to, form, goes_on, with)).transpose();
     let is_head = |line: &[u8]| line.starts_with(b"# ") || line.starts_with(b"origin,");
     let mut written = opened(lines, (is_lines, is_head))?;
-    let frames = opened(frames, (is_frames, |_| false))?;
+    let frames = opened(frames, (is_frames, |frame| frame.starts_with(&SYNC_ORIGIN)))?;
     let to = arguments.to.iter();
     let ends: Vec<WatchEnd> = to.map(|to| watched(to, &mut written, with)).collect::<Result<_, _>>()?;
     if ![&io::stdin() as &dyn IsTerminal, &io::stdout(), &io::stderr()].iter().any(|one| one.is_terminal()) {

@@ -1305,6 +1305,67 @@ fn a_stream_whose_filter_cannot_begin_at_its_first_samples_begins_at_later_ones(
     assert_eq!(summary["ends_with_estimate"], true);
 }
 
+/// The drive is off at first, and a sample is missing meanwhile: at the beginning, and behind a long gap.
+#[cfg(unix)]
+#[test]
+fn a_bad_beginning_costs_the_same_rows_in_memory_in_parts_and_in_a_stream_and_behind_a_gap_no_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = std::fs::read_to_string(root().join("examples/shared_scanner/recording.csv")).unwrap();
+    // The recording repeats after so many rows.
+    let rows: Vec<&str> = recording.lines().skip(1).take(20_000).collect();
+    let (first, second) = (24_000, 75_000);
+    let mut csv = "time_s,drive_V,cap_V\n".to_owned();
+    for k in 0..first + second {
+        let (since, micro) = if k < first { (k, k) } else { (k - first, k + 50_000) };
+        let [drive, signal] = [1, 2].map(|place| rows[k % rows.len()].split(',').nth(place).unwrap());
+        let cells = match since {
+            1500 => ",".to_owned(),
+            0..3000 => format!("0,{signal}"),
+            _ => format!("{drive},{signal}"),
+        };
+        csv += &format!("{}.{:06},{cells}\n", micro / 1_000_000, micro % 1_000_000);
+    }
+    let path = folder.path().join("recording.csv");
+    std::fs::write(&path, csv).unwrap();
+    let toml = std::fs::read_to_string(root().join(STREAM)).unwrap().replace("every = 10", "every = 1");
+    let experiment = |name: &str, file: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, toml.replace("\"recording.csv\"", &format!("\"{file}\""))).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let (whole, piped) = (experiment("whole.toml", "recording.csv"), experiment("piped.toml", "/dev/stdin"));
+    // Times and angles of the estimates.
+    let numbers = |line: &str, from: usize| -> Vec<u64> {
+        line.split(',')
+            .skip(from)
+            .take(2)
+            .map(|cell| cell.parse::<f64>().unwrap_or(f64::NAN).to_bits())
+            .collect()
+    };
+    let estimated = |experiment: &str| {
+        let out = folder.path().join(experiment.replace('/', "_"));
+        let output = kalmems()
+            .args(["estimate", experiment, "--out", out.to_str().unwrap()])
+            .stdin(std::fs::File::open(&path).unwrap())
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let of = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
+        let files = [of("trajectory_ekf.csv"), of("stretch_2_trajectory_ekf.csv")];
+        files.iter().flat_map(|csv| csv.lines().skip(1).map(|line| numbers(line, 0))).collect::<Vec<_>>()
+    };
+    let in_memory = estimated(&whole);
+    let streamed = run(&["stream", &whole, "--from", path.to_str().unwrap(), "--json"]);
+    assert_eq!(streamed.status.code(), Some(0), "{}", text(&streamed.stderr));
+    let lines = text(&streamed.stdout);
+    let streamed: Vec<_> = estimates(&lines, "ekf").into_iter().map(|line| numbers(line, 1)).collect();
+    // All but the rows without a drive and 1024 more at most, of each stretch.
+    let left_out = first + second - in_memory.len();
+    assert!((2 * 1500..=2 * (3000 + 1024)).contains(&left_out), "{left_out}");
+    assert!(in_memory == streamed, "{} in memory, {} in a stream", in_memory.len(), streamed.len());
+    assert!(in_memory == estimated(&piped), "in parts");
+}
+
 #[test]
 fn a_filter_of_a_stream_that_stops_is_started_again_and_lines_without_numbers_say_why() {
     // A signal that is no signal while the filter settles, and a drive that is none then and later.

@@ -306,6 +306,124 @@ fn estimates_that_a_slow_reader_holds_up_are_behind_by_the_times_of_the_samples(
     assert!(half.parse::<f64>().unwrap() > 1e6, "{said}");
 }
 
+/// A client that sends what is no sample, however much and however often, holds a listener no longer than one that is silent.
+#[test]
+fn a_listener_leaves_a_client_that_sends_garbage_without_an_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = streaming(folder.path(), "idle = \"0.5 s\"\nreconnect = \"60 s\"");
+    let mut child = kalmems(&experiment).args(["--json", "--from", "listen://127.0.0.1:0"]).spawn().unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    said.read_line(&mut line).unwrap();
+    let address = line.trim().rsplit(' ').next().unwrap().to_owned();
+    let output = child.stdout.take().unwrap();
+    let lines = std::thread::spawn(move || std::io::read_to_string(output).unwrap());
+    let bytes = fs::read(example("recording.csv")).unwrap();
+    let half = bytes.split(|byte| *byte == b'\n').take(12_001).map(|line| line.len() + 1).sum::<usize>();
+    let mut one = TcpStream::connect(&address).unwrap();
+    one.write_all(&bytes[..half]).unwrap();
+    // Without a pause, and often.
+    for (garbage, pause) in [(&b"garbage\n"[..].repeat(8192), 0), (&b"garbage\n".to_vec(), 20)] {
+        let begun = Instant::now();
+        while one.write_all(garbage).is_ok() {
+            assert!(begun.elapsed() < Duration::from_secs(30), "{pause}");
+            std::thread::sleep(Duration::from_millis(pause));
+        }
+        one = TcpStream::connect(&address).unwrap();
+    }
+    one.write_all(&[&bytes[half..], b"# end\n"].concat()).unwrap();
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0), "{rest}");
+    let summary: serde_json::Value = serde_json::from_str(&rest[rest.find('{').unwrap()..]).unwrap();
+    assert_eq!(summary["estimated"], 24_001, "{rest}");
+    assert!(lines.join().unwrap().contains("no sample came for "));
+}
+
+/// On a file system of 128 kB, which only a system's owner can make.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_ends_a_stream_with_the_file_and_the_cause_whatever_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let disk = folder.path().join("disk");
+    fs::create_dir(&disk).unwrap();
+    for (option, name, is_full) in [
+        ("--lines", "l.txt", false),
+        ("--frames", "f.bin", false),
+        ("--to", "m.mcap", false),
+        ("--state", "s.json", true),
+        ("--report", "r.html", false),
+        ("--metrics", "m.prom", true),
+    ] {
+        let mount =
+            Command::new("mount").args(["-t", "tmpfs", "-o", "size=128k", "none"]).arg(&disk).output();
+        if !mount.is_ok_and(|mount| mount.status.success()) {
+            eprintln!("skipped: no file system can be mounted here");
+            return;
+        }
+        if is_full {
+            fs::write(disk.join("ballast"), vec![0; 31 * 4096]).unwrap();
+        }
+        let path = disk.join(name).to_str().unwrap().to_owned();
+        let place = if option == "--to" { format!("mcap://{path}") } else { path.clone() };
+        let output = kalmems(&example("stream.toml"))
+            .arg("--from")
+            .arg(example("recording.csv"))
+            .args([option, &place])
+            .output();
+        assert!(Command::new("umount").arg(&disk).status().unwrap().success());
+        let output = output.unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        // Metrics are looked at while a stream runs, and it goes on without them.
+        assert_eq!(output.status.code(), Some(i32::from(option != "--metrics")), "{option}: {said}");
+        let told = said.lines().find(|line| line.starts_with("error: ") || line.starts_with("warning: "));
+        assert!(
+            told.is_some_and(|told| told.contains(&path) && told.contains("No space left")),
+            "{option}: {said}"
+        );
+    }
+}
+
+#[test]
+fn the_origin_of_times_stands_before_all_else_in_lines_frames_and_datagrams() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = fs::read_to_string(example("recording.csv")).unwrap();
+    let mut csv = "time_s,drive_V,cap_V\n".to_owned();
+    for (k, line) in recording.lines().skip(1).take(12_000).enumerate() {
+        csv += &format!("1700000000.{:06},{}\n", 250_000 + k, line.split_once(',').unwrap().1);
+    }
+    let path = folder.path().join("recording.csv");
+    fs::write(&path, csv).unwrap();
+    let viewer = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    viewer.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+    let output = kalmems(&example("stream.toml"))
+        .current_dir(folder.path())
+        .arg("--from")
+        .arg(&path)
+        .args(["--lines", "l.txt", "--frames", "f.bin", "--rotate-size", "100 kB", "--to"])
+        .arg(format!("udp-json://{}", viewer.local_addr().unwrap()))
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    for path in series(folder.path(), "l", "l.txt") {
+        let text = fs::read_to_string(&path).unwrap();
+        let first = text.lines().find(|line| !line.starts_with('#')).unwrap();
+        assert!(first.starts_with("origin,1700000000.25"), "{path:?}: {first}");
+    }
+    let frames = series(folder.path(), "f", "f.bin");
+    assert!(frames.len() > 1, "{frames:?}");
+    for path in frames {
+        let bytes = fs::read(&path).unwrap();
+        let number = |at: usize| f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+        assert!(bytes.starts_with(b"kmOr\0\0\x02\0"), "{path:?}");
+        assert_eq!([number(8), number(16)], [1_700_000_000.0, 0.25], "{path:?}");
+    }
+    let mut datagram = [0; 2000];
+    let count = viewer.recv(&mut datagram).unwrap();
+    let first: serde_json::Value = serde_json::from_slice(&datagram[..count]).unwrap();
+    assert_eq!(first["origin_s"], 1_700_000_000.25);
+}
+
 /// What the book shows of it is in it.
 #[test]
 fn the_unit_that_is_shipped_starts_a_stream() {

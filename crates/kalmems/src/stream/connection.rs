@@ -86,8 +86,11 @@ pub(super) struct RetriedConnection {
     /// For how long it is tried again, and how long it may be silent.
     reconnect: Option<Duration>,
     idle: Option<Duration>,
-    /// How long was waited since it was opened or samples came last, and whether samples ever came, and over it.
+    /// How long was waited since it was opened or samples came last, and since when what came meanwhile is looked at. The time in which samples
+    /// wait to be estimated does not count.
     silent: Duration,
+    taken: Option<Instant>,
+    /// Whether samples ever came, and over it.
     heard: bool,
     heard_now: bool,
     /// When it broke first since samples came last: one that breaks again before anything came over it was never there.
@@ -113,6 +116,7 @@ impl RetriedConnection {
             reconnect,
             idle,
             silent: Duration::ZERO,
+            taken: None,
             heard: false,
             heard_now: false,
             silent_since: None,
@@ -123,30 +127,35 @@ impl RetriedConnection {
     /// Samples came.
     pub(super) fn hear(&mut self) {
         (self.heard, self.heard_now, self.silent_since) = (true, true, None);
-        self.silent = Duration::ZERO;
+        (self.silent, self.taken) = (Duration::ZERO, None);
     }
 
     /// Waits for bytes, some tenths of a second where the connection allows it. An error is that it could not be opened at all.
     pub(super) fn receive(&mut self, piece: &mut [u8]) -> io::Result<Received> {
         let Some(reader) = &mut self.reader else { return self.open() };
-        let begun = Instant::now();
+        let is_unheard = self.connection.is_listener() && !self.heard_now;
+        if is_unheard && self.silent > FIRST_SAMPLE {
+            return Ok(self.turn_away());
+        }
+        if self.connection.reopens() && self.idle.is_some_and(|idle| self.silent > idle) {
+            return Ok(self.broke(format!("no sample came for {:.1} s", self.silent.as_secs_f64())));
+        }
+        let begun = self.taken.take().unwrap_or_else(Instant::now);
         let read = reader.read(piece);
         self.silent += begun.elapsed();
         let is_over = match &read {
             Ok(count) => *count == 0,
             Err(e) => !matches!(e.kind(), ErrorKind::Interrupted | ErrorKind::WouldBlock),
         };
-        let is_late = self.silent > FIRST_SAMPLE;
-        if self.connection.is_listener() && !self.heard_now && (is_over || is_late) {
-            self.reader = None;
-            return Ok(Received::TurnedAway);
+        if is_unheard && is_over {
+            return Ok(self.turn_away());
         }
         match read {
             Ok(0) if self.connection.reopens() => Ok(self.broke(CLOSED.to_owned())),
             Ok(0) => Ok(Received::End),
-            Ok(count) => Ok(Received::Bytes(count)),
-            Err(_) if !is_over && self.is_idle() => {
-                Ok(self.broke(format!("no sample came for {:.1} s", self.silent.as_secs_f64())))
+            Ok(count) => {
+                self.taken = Some(Instant::now());
+                Ok(Received::Bytes(count))
             }
             Err(_) if !is_over => Ok(Received::Nothing),
             // What could never be read is no connection that broke.
@@ -155,8 +164,9 @@ impl RetriedConnection {
         }
     }
 
-    fn is_idle(&self) -> bool {
-        self.connection.reopens() && self.idle.is_some_and(|idle| self.silent > idle)
+    fn turn_away(&mut self) -> Received {
+        self.reader = None;
+        Received::TurnedAway
     }
 
     fn broke(&mut self, why: String) -> Received {
@@ -172,7 +182,7 @@ impl RetriedConnection {
     }
 
     fn open(&mut self) -> io::Result<Received> {
-        (self.silent, self.heard_now) = (Duration::ZERO, false);
+        (self.silent, self.taken, self.heard_now) = (Duration::ZERO, None, false);
         let Some(lost) = &mut self.lost else {
             return match self.connection.open() {
                 Ok(reader) => {
@@ -281,6 +291,43 @@ mod tests {
         assert!(why.contains("reset") && why.contains("0.4 s") && why.contains("refused"), "{why}");
         let tried_s = begun.elapsed().as_secs_f64();
         assert!((0.4..3.0).contains(&tried_s), "{tried_s}");
+    }
+
+    /// Gives bytes without a pause.
+    struct Flood;
+
+    impl Read for Flood {
+        fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+            Ok(bytes.len())
+        }
+    }
+
+    impl Connection for Flood {
+        fn open(&mut self) -> io::Result<Option<Box<dyn Read + Send>>> {
+            Ok(Some(Box::new(Self)))
+        }
+
+        fn reopens(&self) -> bool {
+            true
+        }
+    }
+
+    #[test]
+    fn bytes_without_a_sample_do_not_hold_a_connection_beyond_the_idle_limit() {
+        let mut link = RetriedConnection::new(Box::new(Flood), [None, Some(Duration::from_millis(300))]);
+        let (begun, mut bytes) = (Instant::now(), [0; 4]);
+        let why = loop {
+            match link.receive(&mut bytes).unwrap() {
+                // A sample in the first half of the time, and none later.
+                Received::Bytes(_) if begun.elapsed() < Duration::from_millis(200) => link.hear(),
+                Received::Over(why) => break why,
+                // Looking at what came takes a while, in which nothing is read.
+                _ => std::thread::sleep(Duration::from_millis(1)),
+            }
+        };
+        assert!(why.contains("no sample came for 0.3 s"), "{why}");
+        let held_s = begun.elapsed().as_secs_f64();
+        assert!((0.45..3.0).contains(&held_s), "{held_s}");
     }
 
     #[test]

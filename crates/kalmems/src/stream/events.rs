@@ -79,6 +79,14 @@ pub enum Event {
         /// The innovation in standard deviations.
         size: f64,
     },
+    /// While the filter settles, a sample is far from what was predicted. It is taken, as the filter may be what is wrong; told once until as many
+    /// samples have passed as the mean NIS is watched over.
+    Disturbed {
+        /// When, in s.
+        time_s: f64,
+        /// The innovation in standard deviations.
+        size: f64,
+    },
     /// Too many samples were rejected: all are taken again until the filter follows them.
     GateOpens {
         /// When, in s.
@@ -123,6 +131,7 @@ impl Event {
             | Self::MotionInNoiseOver { time_s, .. }
             | Self::DeviceEvent { time_s, .. }
             | Self::Rejected { time_s, .. }
+            | Self::Disturbed { time_s, .. }
             | Self::GateOpens { time_s }
             | Self::GateCloses { time_s }
             | Self::Alarm { time_s, .. }
@@ -166,6 +175,9 @@ const BY_CHANCE: f64 = 1e-9;
 /// that is right finds as much in noise once in 3·10⁵ times.
 const DISTINCT: f64 = 5.0;
 
+/// The innovation in standard deviations from which on a sample is told that disturbs a filter that settles.
+const DISTURBANCE: f64 = 100.0;
+
 /// Watches one trajectory.
 pub struct TrajectoryWatch {
     /// Of each angle.
@@ -173,6 +185,8 @@ pub struct TrajectoryWatch {
     /// Zero phases that were not told since that was last asked.
     withheld: u64,
     alarm: Alarm,
+    /// Samples for which no other disturbance is told.
+    disturbed: usize,
     lost: bool,
     stopped: bool,
     /// Samples that were rejected since the stretch began, and whether the gate is open.
@@ -213,6 +227,7 @@ impl TrajectoryWatch {
             passages: Vec::new(),
             withheld: 0,
             alarm,
+            disturbed: 0,
             lost: false,
             stopped: false,
             rejected: 0,
@@ -224,7 +239,7 @@ impl TrajectoryWatch {
     pub fn begin(&mut self) {
         self.passages.clear();
         (self.alarm.count, self.alarm.sum, self.alarm.mean_nis) = (0, 0.0, None);
-        (self.lost, self.stopped) = (false, false);
+        (self.disturbed, self.lost, self.stopped) = (0, false, false);
         (self.rejected, self.gate_is_open) = (0, false);
     }
 
@@ -300,6 +315,11 @@ impl TrajectoryWatch {
         for (time_s, nis) in trajectory.time_s.iter().zip(&trajectory.nis) {
             if *time_s >= from_s && nis.is_finite() {
                 events.extend(self.alarm.take(*time_s, *nis));
+            } else if *nis > DISTURBANCE * DISTURBANCE {
+                let was_told = std::mem::replace(&mut self.disturbed, self.alarm.over) > 0;
+                events.extend((!was_told).then(|| Event::Disturbed { time_s: *time_s, size: nis.sqrt() }));
+            } else {
+                self.disturbed = self.disturbed.saturating_sub(1);
             }
         }
         self.stopped = trajectory.failure.is_some();

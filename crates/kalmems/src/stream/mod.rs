@@ -26,7 +26,7 @@ pub use events::{Event, TrajectoryWatch};
 pub use latency::LatencyHistogram;
 pub use noise_only::{CYCLES, FOUND_BY_CHANCE, NoiseWatch, SignalContent};
 pub use order::{Order, OrderCounts, OrderSettings, OrderedEvent};
-pub use output::{SYNC, SYNC_AHEAD, StreamOutputs, Supervisor, is_frames, is_lines};
+pub use output::{SYNC, SYNC_AHEAD, SYNC_ORIGIN, StreamOutputs, Supervisor, is_frames, is_lines};
 pub use shared::{StreamCounts, StreamEnd};
 pub use supervision::{FilterHealth, Health, LockState, StreamEvent};
 

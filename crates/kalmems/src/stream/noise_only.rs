@@ -16,6 +16,11 @@ pub const FOUND_BY_CHANCE: f64 = 1e-9;
 /// The share of a cycle's samples that must be there for it to be looked at.
 const PRESENT: f64 = 0.75;
 
+/// A cycle with so many times the median square of the amplitudes has an absurd sample, such as one of 1000 V, and is left out; noise has such a
+/// cycle less than once in 10²⁰. If more than one cycle in ten is such, the signal has become another one, and all are taken.
+const DISTURBED: f64 = 16.0;
+const DISTURBED_SHARE: usize = 10;
+
 /// Samples of a cycle at least; fewer tell nothing of it.
 const LEAST: f64 = 6.0;
 
@@ -50,19 +55,18 @@ struct AxisContent {
     /// The present cycle by its number, and its sums.
     number: f64,
     cycle: CycleSums,
-    /// The amplitudes of the cycle before, where there was one without a pause.
-    before: Option<[RealAndImaginary; HARMONICS]>,
-    cycles: usize,
-    pairs: usize,
-    /// Of each harmonic: the sum of the products of pairs, and of the squares.
-    products: [RealAndImaginary; HARMONICS],
-    squares: [f64; HARMONICS],
+    /// Whether the next cycle follows the one before without a pause.
+    follows: bool,
+    /// The amplitudes of the window's cycles, and whether each follows the one before; that before the window stands first.
+    window: Vec<(CycleAmplitudes, bool)>,
     /// What the last window showed: the ratio of each harmonic, and whether there was anything.
     ratios: [f64; HARMONICS],
     found: Option<bool>,
 }
 
 type RealAndImaginary = [f64; 2];
+
+type CycleAmplitudes = [RealAndImaginary; HARMONICS];
 
 /// Sums over a cycle: of what the signal is beside its first value, and of the waves themselves.
 #[derive(Clone, Copy, Default)]
@@ -84,11 +88,8 @@ impl NoiseWatch {
             interval_s,
             number: 0.0,
             cycle: CycleSums::default(),
-            before: None,
-            cycles: 0,
-            pairs: 0,
-            products: [[0.0; 2]; HARMONICS],
-            squares: [0.0; HARMONICS],
+            follows: false,
+            window: Vec::with_capacity(CYCLES + 1),
             ratios: [0.0; HARMONICS],
             found: None,
         };
@@ -131,9 +132,7 @@ impl AxisContent {
         let mut judged = false;
         if number != self.number {
             judged = self.end_cycle();
-            if number != self.number + 1.0 {
-                self.before = None;
-            }
+            self.follows &= number == self.number + 1.0;
             self.number = number;
         }
         if y.is_finite() {
@@ -145,42 +144,49 @@ impl AxisContent {
     fn end_cycle(&mut self) -> bool {
         let cycle = std::mem::take(&mut self.cycle);
         if cycle.count * self.interval_s * self.frequency_hz < PRESENT {
-            self.before = None;
+            self.follows = false;
             return false;
         }
-        let now = cycle.amplitudes();
-        for (i, c) in now.iter().enumerate() {
-            self.squares[i] += c[0] * c[0] + c[1] * c[1];
-            if let Some(before) = self.before {
-                let product = times(*c, [before[i][0], -before[i][1]]);
-                self.products[i] = plus(self.products[i], product);
-            }
-        }
-        self.pairs += usize::from(self.before.is_some());
-        self.before = Some(now);
-        self.cycles += 1;
-        if self.cycles < CYCLES {
+        self.window.push((cycle.amplitudes(), std::mem::replace(&mut self.follows, true)));
+        if self.window.len() <= CYCLES {
             return false;
         }
+        let is_left_out = self.disturbed();
+        let pairs: Vec<[&CycleAmplitudes; 2]> = (1..self.window.len())
+            .filter(|k| self.window[*k].1 && !is_left_out[*k] && !is_left_out[*k - 1])
+            .map(|k| [&self.window[k - 1].0, &self.window[k].0])
+            .collect();
         // With pairs too few to tell, the window says what the one before said.
-        if 2 * self.pairs > CYCLES {
-            self.ratios = std::array::from_fn(|i| self.ratio(i));
-            let bound = bound(FOUND_BY_CHANCE / HARMONICS as f64, self.pairs);
+        if 2 * pairs.len() > CYCLES {
+            self.ratios = std::array::from_fn(|i| self.ratio(i, &pairs));
+            let bound = bound(FOUND_BY_CHANCE / HARMONICS as f64, pairs.len());
             self.found = Some(self.ratios.iter().any(|ratio| *ratio > bound));
         }
-        (self.cycles, self.pairs) = (0, 0);
-        (self.products, self.squares) = ([[0.0; 2]; HARMONICS], [0.0; HARMONICS]);
+        self.window.drain(..CYCLES);
         true
     }
 
+    /// Which cycles of the window have an absurd sample.
+    fn disturbed(&self) -> Vec<bool> {
+        let squares: Vec<f64> = self.window.iter().map(|(c, _)| c.iter().map(|c| square(*c)).sum()).collect();
+        let mut sorted = squares.clone();
+        sorted.sort_by(f64::total_cmp);
+        let bound = DISTURBED * sorted[sorted.len() / 2];
+        let is_disturbed: Vec<bool> = squares.iter().map(|square| *square > bound).collect();
+        let count = is_disturbed.iter().filter(|is_so| **is_so).count();
+        if count * DISTURBED_SHARE > squares.len() { vec![false; squares.len()] } else { is_disturbed }
+    }
+
     /// How alike the amplitudes of neighbouring cycles are at a harmonic; 0 where there are none.
-    fn ratio(&self, i: usize) -> f64 {
-        let [re, im] = self.products[i];
-        let (product, square) =
-            (re.portable_hypot(im) / self.pairs as f64, self.squares[i] / self.cycles as f64);
+    fn ratio(&self, i: usize, pairs: &[[&CycleAmplitudes; 2]]) -> f64 {
+        let (mut product, mut both) = ([0.0; 2], 0.0);
+        for [before, now] in pairs {
+            product = plus(product, times(now[i], [before[i][0], -before[i][1]]));
+            both += 0.5 * (square(before[i]) + square(now[i]));
+        }
         // A harmonic near or above half the sampling rate is that of another frequency.
         let is_seen = (i + 1) as f64 * self.frequency_hz * self.interval_s < 0.45;
-        if is_seen && square > 0.0 { product / square } else { 0.0 }
+        if is_seen && both > 0.0 { product[0].portable_hypot(product[1]) / both } else { 0.0 }
     }
 }
 
@@ -212,6 +218,10 @@ impl CycleSums {
         let mean = self.sum / self.count;
         std::array::from_fn(|i| plus(self.signal[i], [-mean * self.waves[i][0], -mean * self.waves[i][1]]))
     }
+}
+
+fn square([re, im]: RealAndImaginary) -> f64 {
+    re * re + im * im
 }
 
 fn plus(a: RealAndImaginary, b: RealAndImaginary) -> RealAndImaginary {
@@ -328,6 +338,13 @@ mod tests {
         let cycles = |s: f64| s * MOTION_HZ;
         assert!(only.noise_only && (0.0..100.0).contains(&cycles(only.time_s - 0.06)), "{only:?}");
         assert!(!over.noise_only && (0.0..100.0).contains(&cycles(over.time_s - 0.12)), "{over:?}");
+        // A few absurd samples hide neither a motion nor noise.
+        let mut spiky = signal.clone();
+        for k in [10_000, 10_050, 10_400, 19_990, 30_000, 45_000] {
+            spiky[k] = 1000.0;
+        }
+        let mut watch = watching();
+        assert_eq!(watch.take(&time, &spiky), changes);
         // A signal that does not move at all is no motion either.
         let mut watch = watching();
         assert!(!watch.take(&time, &vec![1.25; time.len()]).is_empty() && watch.is_noise_only());

@@ -13,6 +13,9 @@ pub const SYNC: [u8; 4] = *b"kmEs";
 /// What each frame begins with that tells of a zero phase before it happens.
 pub const SYNC_AHEAD: [u8; 4] = *b"kmZp";
 
+/// What the frame begins with that tells where the times of all others count from.
+pub const SYNC_ORIGIN: [u8; 4] = *b"kmOr";
+
 /// Whether a file that begins with these bytes was written as the lines of a stream.
 pub fn is_lines(beginning: &[u8]) -> bool {
     [b"# ".as_slice(), b"event,", b"health,"].iter().any(|own| beginning.starts_with(own))
@@ -20,7 +23,7 @@ pub fn is_lines(beginning: &[u8]) -> bool {
 
 /// Whether a file that begins with these bytes was written as the frames of a stream.
 pub fn is_frames(beginning: &[u8]) -> bool {
-    [SYNC, SYNC_AHEAD].iter().any(|own| beginning.starts_with(own))
+    [SYNC, SYNC_AHEAD, SYNC_ORIGIN].iter().any(|own| beginning.starts_with(own))
 }
 
 /// Where estimates and events go. Each call of `write` has whole lines, or one whole frame.
@@ -94,13 +97,35 @@ impl StreamWriter {
     }
 
     /// Says once where the times of all lines and frames count from, where that is not zero: a line `origin,seconds`, and
-    /// behind that the date where the clock is one of the calendar.
+    /// behind that the date where the clock is one of the calendar; and a frame, [`SYNC_ORIGIN`] with whole seconds and the rest of them.
     pub(super) fn origin(&mut self, origin: Option<&TimeOrigin>) -> io::Result<()> {
         let (Some(origin), false) = (origin, self.origin_told) else { return Ok(()) };
         self.origin_told = true;
-        let Some(lines) = &mut self.outputs.lines else { return Ok(()) };
-        let utc = origin.utc.as_ref().map_or_else(String::new, |utc| format!(",{utc}"));
-        lines.write_all(format!("origin,{}{utc}\n", origin.seconds).as_bytes())
+        if let Some(lines) = &mut self.outputs.lines {
+            let utc = origin.utc.as_ref().map_or_else(String::new, |utc| format!(",{utc}"));
+            lines.write_all(format!("origin,{}{utc}\n", origin.seconds).as_bytes())?;
+        }
+        let (whole, rest) = origin.seconds.split_once('.').unwrap_or((&origin.seconds, ""));
+        let sign = if whole.starts_with('-') { "-" } else { "" };
+        let [whole, rest] = [whole, &format!("{sign}0.{rest}")].map(|text| text.parse().unwrap_or(f64::NAN));
+        self.frame(SYNC_ORIGIN, (0, 2), [whole, rest].into_iter())
+    }
+
+    /// Writes a frame: what it begins with, the answer's place (u16), the number of values (u16), and these as f64, little-endian.
+    fn frame(
+        &mut self,
+        sync: [u8; 4],
+        (place, count): (usize, usize),
+        values: impl Iterator<Item = f64>,
+    ) -> io::Result<()> {
+        let Some(frames) = &mut self.outputs.frames else { return Ok(()) };
+        self.line.clear();
+        self.line.extend_from_slice(&sync);
+        for number in [place, count] {
+            self.line.extend_from_slice(&u16::try_from(number).unwrap_or(u16::MAX).to_le_bytes());
+        }
+        values.for_each(|value| self.line.extend_from_slice(&value.to_le_bytes()));
+        frames.write_all(&self.line)
     }
 
     fn one(&mut self, place: usize, trajectory: &Trajectory, k: usize) -> io::Result<()> {
@@ -125,18 +150,8 @@ impl StreamWriter {
             self.line.push(b'\n');
             lines.write_all(&self.line)?;
         }
-        if let Some(frames) = &mut self.outputs.frames {
-            self.line.clear();
-            let count = 1 + 2 * trajectory.states.len();
-            self.line.extend_from_slice(&SYNC);
-            self.line.extend_from_slice(&u16::try_from(place).unwrap_or(u16::MAX).to_le_bytes());
-            self.line.extend_from_slice(&u16::try_from(count).unwrap_or(u16::MAX).to_le_bytes());
-            for value in std::iter::once(trajectory.time_s[k]).chain(values()) {
-                self.line.extend_from_slice(&value.to_le_bytes());
-            }
-            frames.write_all(&self.line)?;
-        }
-        Ok(())
+        let count = 1 + 2 * trajectory.states.len();
+        self.frame(SYNC, (place, count), std::iter::once(trajectory.time_s[k]).chain(values()))
     }
 
     /// Says once what the columns are, answer by answer.
@@ -169,20 +184,12 @@ impl StreamWriter {
         output.flush()
     }
 
-    /// Writes a zero phase that is to come as a frame: [`SYNC_AHEAD`], the answer's place (u16), the number of values (u16), and
-    /// these values as f64, little-endian: when it will happen, the standard deviation of that, 1 where the angle will rise
+    /// Writes a zero phase that is to come as a frame with these values: when it will happen, the standard deviation of that, 1 where the angle will rise
     /// and −1 where it will fall, and the time of the sample that it is told from.
     pub(super) fn ahead(&mut self, place: usize, predicted: &PredictedPhase) -> io::Result<()> {
-        let Some(frames) = &mut self.outputs.frames else { return Ok(()) };
         let direction = if predicted.rising { 1.0 } else { -1.0 };
-        self.line.clear();
-        self.line.extend_from_slice(&SYNC_AHEAD);
-        self.line.extend_from_slice(&u16::try_from(place).unwrap_or(u16::MAX).to_le_bytes());
-        self.line.extend_from_slice(&4_u16.to_le_bytes());
-        for value in [predicted.time_s, predicted.sd_s, direction, predicted.told_s] {
-            self.line.extend_from_slice(&value.to_le_bytes());
-        }
-        frames.write_all(&self.line)
+        let values = [predicted.time_s, predicted.sd_s, direction, predicted.told_s];
+        self.frame(SYNC_AHEAD, (place, values.len()), values.into_iter())
     }
 
     /// Tells what hears it how the stream fares.

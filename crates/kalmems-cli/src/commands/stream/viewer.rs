@@ -14,7 +14,7 @@ pub const USUAL: &str = "127.0.0.1:9870";
 /// Takes the lines of a stream and sends a datagram for each estimate and event.
 ///
 /// An estimate is `{"timestamp": seconds, "<answer>": {"<column>": number, …}}` with the columns that its header names; what is
-/// not a number is left out. An event is `{"timestamp": …, "event": {…}}`, with the time where it has one.
+/// not a number is left out. Where the times do not count from zero, `{"timestamp": 0.0, "origin_s": …}` comes first. An event is `{"timestamp": …, "event": {…}}`, with the time where it has one.
 pub struct Viewer {
     socket: UdpSocket,
     reader: MessageReader,
@@ -28,14 +28,14 @@ pub fn open(address: &str) -> io::Result<Viewer> {
     Ok(Viewer { socket, reader: MessageReader::default() })
 }
 
-fn datagram(message: StreamMessage) -> Option<Value> {
+fn datagram(message: StreamMessage) -> Value {
     match message {
-        StreamMessage::Origin(_) => None,
-        StreamMessage::Estimate { key, time_s, values } => Some(json!({ "timestamp": time_s, key: values })),
+        StreamMessage::Origin(seconds) => json!({ "timestamp": 0.0, "origin_s": seconds }),
+        StreamMessage::Estimate { key, time_s, values } => json!({ "timestamp": time_s, key: values }),
         StreamMessage::Event { time_s, event } => {
             let time = time_s.map(|time_s| ("timestamp".to_owned(), json!(time_s)));
             let message: Map<_, _> = time.into_iter().chain([("event".to_owned(), event)]).collect();
-            Some(Value::Object(message))
+            Value::Object(message)
         }
     }
 }
@@ -44,10 +44,8 @@ impl Write for Viewer {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let socket = &self.socket;
         self.reader.take(bytes, |message| {
-            if let Some(datagram) = datagram(message) {
-                // Nobody has to listen, and a datagram may be lost.
-                let _ = socket.send(datagram.to_string().as_bytes());
-            }
+            // Nobody has to listen, and a datagram may be lost.
+            let _ = socket.send(datagram(message).to_string().as_bytes());
         });
         Ok(bytes.len())
     }
@@ -77,6 +75,7 @@ mod tests {
             let count = listener.recv(&mut bytes).unwrap();
             serde_json::from_slice::<Value>(&bytes[..count]).unwrap()
         };
+        assert_eq!(received(), json!({ "timestamp": 0.0, "origin_s": 5.0 }));
         assert_eq!(received(), json!({ "timestamp": 0.25, "ekf": { "angle_rad": 0.1 } }));
         assert_eq!(received(), json!({ "timestamp": 0.5, "event": { "kind": "zero_phase", "time_s": 0.5 } }));
         assert_eq!(
