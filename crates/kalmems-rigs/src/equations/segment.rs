@@ -142,9 +142,12 @@ impl Estimator for EquationEstimator<'_> {
             .fold((before, after), |(before, after), own| (before.max(own.0), after.max(own.1)));
         let again = self.settings.filters.iter().map(|filter| filter.prior_of_a_later_start(own));
         let again = again.map(|prior| rows_before((own, &prior), interval_s)).fold(0, usize::max);
+        // What follows from an input is said of a sample once a smoother has waited for the later ones.
+        let lags = self.settings.filters.iter().filter_map(|filter| filter.basics.lag_samples(interval_s));
+        let lagged = if own.device.quantities_need_inputs() { lags.fold(0, usize::max) } else { 0 };
         RowsAround {
             head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD),
-            before: before + again,
+            before: (before + again).max(lagged),
             after,
             smooths,
         }
@@ -315,7 +318,7 @@ impl EquationFilterTask<'_> {
         let used = (&*channels, &*self.filter.events);
         let course_of = |(index, model)| {
             let course = EquationCourse::new(model, (self.data, &self.own.between), used, steps)
-                .answering(names::quantities(&self.own.device))
+                .answering(&self.own.device)
                 .taking_samples_for(self.filter.signal_variance);
             // The model alone is corrected by nothing, wherever it starts.
             let corrects = basics.method != Method::Model;
