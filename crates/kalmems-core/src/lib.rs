@@ -82,7 +82,7 @@ pub use noise::{Covariance, NoiseDensity};
 pub use observability::{Observability, StateDirection};
 pub use parameters::{ParameterName, Parameters};
 pub use process::{
-    ContinuousDiscrete, ContinuousLinear, Dynamics, EtdWeights, Etdrk4, Euler, Exponential, IntervalError,
+    ContinuousDiscrete, ContinuousLinear, Dynamics, EtdWeights, Etdrk4, Euler, HeldEtdrk4, IntervalError,
     LinearProcess, Nodes, NumericProcess, Process, ProcessNoise, Propagation, Rk4, derivatives, jacobian,
 };
 pub use scalar::{Mask, Over, Scalar};

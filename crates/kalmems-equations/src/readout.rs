@@ -2,7 +2,7 @@
 
 use crate::device::{Device, NoiseKind};
 use crate::error::{EquationError, EquationFault};
-use crate::graph::{Graph, NodeId};
+use crate::graph::{Graph, NodeId, Variable};
 use crate::motion::{MOST_STATES, padded, variables, whole};
 use crate::program::{Program, ProgramNumbers};
 
@@ -81,13 +81,29 @@ impl Device {
         self.readout_of(*self.followed.get(quantity).ok_or_else(missing)?, free, "quantities")
     }
 
+    /// Whether a quantity depends on an input.
+    pub fn quantities_need_inputs(&self) -> bool {
+        let by_input = |variable| matches!(variable, Variable::Input(_));
+        self.followed.iter().any(|node| self.graph.depends(*node, by_input))
+    }
+
     pub(crate) fn readout_of(
         &self,
         node: NodeId,
         free: &[usize],
         key: &str,
     ) -> Result<ReadoutProgram, EquationError> {
-        let mut graph = self.graph.clone();
+        self.readout_in(self.graph.clone(), node, free, key)
+    }
+
+    /// The same of a node of another graph.
+    pub(crate) fn readout_in(
+        &self,
+        mut graph: Graph,
+        node: NodeId,
+        free: &[usize],
+        key: &str,
+    ) -> Result<ReadoutProgram, EquationError> {
         let (mut roots, mut columns) = (vec![node], Vec::new());
         for (column, variable) in variables(self.states.len(), free).enumerate() {
             let slope = graph.derivative(node, variable);

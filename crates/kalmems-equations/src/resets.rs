@@ -1,12 +1,14 @@
-//! What happens to the states at once where an expression passes zero: a bounce, a switch with hysteresis, backlash.
+//! What happens within a step where an expression passes zero: a bounce, a switch with hysteresis, backlash, and forces that begin, end or jump.
 
 use crate::device::Device;
+use crate::emit::rewrite::{copied, same_law};
 use crate::error::EquationError;
-use crate::graph::NodeId;
+use crate::graph::{Graph, Node, NodeId, Variable};
 use crate::motion::{MOST_STATES, Motion, StepTables, padded};
 use crate::program::ProgramNumbers;
 use crate::readout::Reading;
 use kalmems_core::Nodes;
+use std::collections::HashMap;
 
 /// Which way an expression passes zero where a reset happens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,15 +51,27 @@ struct Reset {
     set: Vec<(usize, Reading)>,
 }
 
-/// The resets of a device, and a step of its motion with all that happen within it.
+/// The resets of a device, or the places at which its rates have a kink or jump, and a step of its motion with all that happen within it.
 #[derive(Clone, Debug)]
 pub struct Resets {
     all: Vec<Reset>,
+    /// The rates on either side of each of these places.
+    sides: Option<Sides>,
     tables: StepTables,
 }
 
-/// A step that resets may interrupt: the motion with what it works on, the inputs over the step, its length in s, and what makes tables of a part
-/// of it.
+/// The motion by rates whose choices by a state stay as they are until the state has passed from one side to the other.
+#[derive(Clone, Debug)]
+struct Sides {
+    motion: Motion,
+    work: ProgramNumbers,
+    /// The place of the first of these numbers among the parameters, and each: −1 where what is compared is smaller, 1 elsewhere.
+    first: usize,
+    held: Vec<f64>,
+}
+
+/// A step that resets may interrupt: the motion with what it works on, the inputs over the step, its length in s with its tables, and what makes
+/// tables of a part of it.
 pub struct ResetStep<'a, 'b> {
     /// The motion.
     pub motion: &'a Motion,
@@ -65,6 +79,8 @@ pub struct ResetStep<'a, 'b> {
     pub work: &'a mut ProgramNumbers,
     /// The inputs at its start, middle and end.
     pub inputs: &'a Nodes<&'b [f64]>,
+    /// The tables of the whole step.
+    pub tables: &'a StepTables,
     /// The length of the step in s.
     pub length_s: f64,
     /// Makes tables those of a step of a length in s.
@@ -73,8 +89,11 @@ pub struct ResetStep<'a, 'b> {
 
 /// Resets in one step at most: what happens more often has come to rest against what resets it.
 const MOST_RESETS: usize = 16;
-/// Halvings of the time in which a reset lies: to the last digit of a number.
-const HALVINGS: usize = 80;
+/// Places of kinks at most; a device with more is followed without them.
+const MOST_SIDES: usize = 32;
+/// How closely the time of a reset is found, as a part of the step, and in how many trials at most: by halves alone to the last digit of a number.
+const CLOSELY: f64 = f64::EPSILON;
+const TRIALS: usize = 80;
 
 /// A number for each state.
 type States = [f64; MOST_STATES];
@@ -97,7 +116,31 @@ impl Device {
             Ok(Reset { passing: reset.passing, crossing: reading(reset.crossing)?, set })
         };
         let all: Vec<Reset> = self.resets.iter().map(one).collect::<Result<_, EquationError>>()?;
-        Ok((!all.is_empty()).then(|| Resets { all, tables: motion.tables() }))
+        Ok((!all.is_empty()).then(|| Resets { all, sides: None, tables: motion.tables() }))
+    }
+
+    /// The places at which its rates have a kink or jump as a state passes them, with these values of all parameters and with some of these as
+    /// states of the motion; `None` where there are none, and where something is set as well.
+    ///
+    /// # Errors
+    ///
+    /// Where their derivatives are too large.
+    pub fn sides(&self, parameters: &[f64], free: &[usize]) -> Result<Option<Resets>, EquationError> {
+        let mut graph = self.graph.clone();
+        let first = self.parameters.len();
+        let (rates, compared) = by_sides(&mut graph, &self.rates, first);
+        if compared.is_empty() || compared.len() > MOST_SIDES || self.has_resets() {
+            return Ok(None);
+        }
+        let crossing = |node: &NodeId| {
+            let crossing =
+                Reading::new(self.readout_in(graph.clone(), *node, free, "derivative")?, parameters);
+            Ok(Reset { passing: CrossingDirection::Either, crossing, set: Vec::new() })
+        };
+        let all = compared.iter().map(crossing).collect::<Result<_, EquationError>>()?;
+        let motion = self.motion_of((graph, &rates), free, compared.len())?;
+        let (work, held) = (motion.work(parameters), vec![1.0; compared.len()]);
+        Ok(Some(Resets { all, tables: motion.tables(), sides: Some(Sides { motion, work, first, held }) }))
     }
 
     /// Whether something happens to its states at once.
@@ -106,9 +149,44 @@ impl Device {
     }
 }
 
+/// These rates with each choice by a state made by the sign of a number, and what is compared by each of them: smaller than 0 where the first
+/// part of the choice counts. The numbers are parameters from `first` on.
+fn by_sides(graph: &mut Graph, rates: &[NodeId], first: usize) -> (Vec<NodeId>, Vec<NodeId>) {
+    let (mut made, mut compared) = (HashMap::new(), Vec::new());
+    for id in graph.below(rates) {
+        let node = graph.node(id).clone();
+        let part = |made: &HashMap<NodeId, NodeId>, part: NodeId| made.get(&part).copied().unwrap_or(part);
+        let new = match &node {
+            Node::Choice { smaller, larger, then, otherwise } => {
+                let difference = graph.sum(0.0, &[(*smaller, 1.0), (*larger, -1.0)]);
+                let (then, otherwise) = (part(&made, *then), part(&made, *otherwise));
+                if graph.depends(difference, |variable| matches!(variable, Variable::State(_))) {
+                    let place = compared.iter().position(|other| *other == difference).unwrap_or_else(|| {
+                        compared.push(difference);
+                        compared.len() - 1
+                    });
+                    let side = graph.variable(Variable::Parameter(first + place));
+                    graph.choice(side, Graph::ZERO, then, otherwise)
+                } else {
+                    graph.choice(*smaller, *larger, then, otherwise)
+                }
+            }
+            // Laws are copied as they are, without an error.
+            node => copied(graph, node, &|id| part(&made, id), &mut same_law).unwrap_or(id),
+        };
+        made.insert(id, new);
+    }
+    (rates.iter().map(|rate| made.get(rate).copied().unwrap_or(*rate)).collect(), compared)
+}
+
 impl Resets {
+    /// Whether these are the places of kinks.
+    pub fn are_kinks(&self) -> bool {
+        self.sides.is_some()
+    }
+
     /// Takes what a step without resets has led to from x, `to` with its derivatives where there is room for them, for one with all resets
-    /// within the step. False where a number is not finite, and where more than 16 resets happen in it.
+    /// within the step; of kinks the whole step is taken here. False where a number is not finite, and where more than 16 resets happen in it.
     ///
     /// A reset x⁺ = r(x⁻) at the time at which g(x) = 0 moves what is near the motion by the saltation matrix
     /// ∂r/∂x + (f⁺ − ∂r/∂x·f⁻)·(∂g/∂x)/(∂g/∂x·f⁻), with the rates f⁻ and f⁺ before and behind it (Aizerman & Gantmakher, 1958; Kong, Payne,
@@ -123,6 +201,12 @@ impl Resets {
         let size = x.len();
         let mut at: States = padded(x, size);
         let mut from = 0.0;
+        if self.sides.is_some() {
+            self.hold(step, x, 0.0);
+            if !self.lead(step, x, (0.0, 1.0), to, jacobian) {
+                return false;
+            }
+        }
         // The derivatives of `at` by x, from the first reset on.
         let mut before = Vec::new();
         for _ in 0..=MOST_RESETS {
@@ -172,37 +256,91 @@ impl Resets {
     ) -> Option<(usize, f64)> {
         let mut first: Option<(usize, f64)> = None;
         for place in 0..self.all.len() {
-            let before = self.all[place].crossing.read(at, &[]);
-            let after = self.all[place].crossing.read(to, &[]);
-            if !self.all[place].passing.is_between(before, after) {
+            let before = self.compared(step, place, (at, from));
+            let mut after = self.compared(step, place, (to, 1.0));
+            if !self.has_passed(place, before, after) {
                 continue;
             }
-            // [low, high] holds the passing; where it ends the expression has passed.
-            let (mut low, mut high) = (0.0, first.map_or(1.0 - from, |(_, part)| part));
             let mut lead = [0.0; MOST_STATES];
-            let mut passed = |resets: &mut Self, part: f64| {
+            let mut value_at = |resets: &mut Self, part: f64| {
                 let lead = &mut lead[..at.len()];
                 let finite = resets.lead(step, at, (from, part), lead, &mut []);
-                let value = resets.all[place].crossing.read(lead, &[]);
-                finite.then(|| resets.all[place].passing.is_between(before, value))
+                if finite { resets.compared(step, place, (lead, from + part)) } else { f64::NAN }
             };
-            // One that comes behind another is looked for again from there.
-            if first.is_some() && passed(self, high) != Some(true) {
-                continue;
+            // [low, high] holds the passing; where it ends the expression has passed.
+            let (mut low, mut high) = (0.0, first.map_or(1.0 - from, |(_, part)| part));
+            if first.is_some() {
+                after = value_at(self, high);
+                // One that comes behind another is looked for again from there.
+                if !self.has_passed(place, before, after) {
+                    continue;
+                }
             }
-            for _ in 0..HALVINGS {
-                let middle = 0.5 * (low + high);
+            let (mut below, mut above) = (before, after);
+            for trial in 0..TRIALS {
+                if high - low <= CLOSELY {
+                    break;
+                }
+                // By the straight line between both ends, and each third time by half; from either end at least as far as it is to be found closely.
+                let line = low + (high - low) * below / (below - above);
+                let middle = if trial % 3 == 2 || !line.is_finite() { 0.5 * (low + high) } else { line };
+                let middle = middle.clamp(low + 0.5 * CLOSELY, high - 0.5 * CLOSELY);
                 if middle <= low || middle >= high {
                     break;
                 }
-                match passed(self, middle) {
-                    Some(true) | None => high = middle,
-                    Some(false) => low = middle,
+                let value = value_at(self, middle);
+                if value.is_nan() || self.has_passed(place, before, value) {
+                    (high, above) = (middle, value);
+                } else {
+                    (low, below) = (middle, value);
                 }
             }
             first = Some((place, high));
         }
         first
+    }
+
+    /// Whether what was one value is past zero with another; of a kink, whether it is on the other side than the one that is held.
+    fn has_passed(&self, place: usize, before: f64, after: f64) -> bool {
+        match self.sides.as_ref().and_then(|sides| sides.held.get(place)) {
+            Some(held) => (*held < 0.0) != (after < 0.0),
+            None => self.all[place].passing.is_between(before, after),
+        }
+    }
+
+    /// What passes zero where a reset happens, at a state and a share of the step.
+    fn compared(&mut self, step: &ResetStep<'_, '_>, place: usize, (at, share): (&[f64], f64)) -> f64 {
+        let mut inputs = [0.0; MOST_STATES];
+        let inputs = &mut inputs[..step.inputs.start.len().min(MOST_STATES)];
+        inputs_at(step.inputs, share, inputs);
+        self.all[place].crossing.read(at, inputs)
+    }
+
+    /// Takes the sides of kinks on which a state is at a share of the step; of one that it is on, the side to which it moves.
+    fn hold(&mut self, step: &mut ResetStep<'_, '_>, at: &[f64], share: f64) {
+        let Some(sides) = &mut self.sides else { return };
+        let (mut inputs, mut rates) = ([0.0; MOST_STATES], [0.0; MOST_STATES]);
+        let inputs = &mut inputs[..step.inputs.start.len().min(MOST_STATES)];
+        inputs_at(step.inputs, share, inputs);
+        for (held, reset) in sides.held.iter_mut().zip(&mut self.all) {
+            let mut value = reset.crossing.read(at, inputs);
+            if value == 0.0 {
+                let mut slopes = [0.0; MOST_STATES];
+                step.motion.rates(step.work, at, inputs, &mut rates[..at.len()]);
+                reset.crossing.linearize(at, inputs, &mut slopes[..at.len()]);
+                value = rates.iter().zip(&slopes).map(|(rate, slope)| rate * slope).sum();
+            }
+            *held = if value < 0.0 { -1.0 } else { 1.0 };
+        }
+        sides.motion.hold(&mut sides.work, sides.first, &sides.held);
+    }
+
+    /// The rates at a state under inputs, on the sides that are held.
+    fn rates(&mut self, step: &mut ResetStep<'_, '_>, at: &[f64], inputs: &[f64], to: &mut [f64]) -> bool {
+        match &mut self.sides {
+            Some(sides) => sides.motion.rates(&mut sides.work, at, inputs, to),
+            None => step.motion.rates(step.work, at, inputs, to),
+        }
     }
 
     /// Where a part of a step leads to.
@@ -221,13 +359,21 @@ impl Resets {
         }
         let [start, middle, end] = &nodes;
         let inputs = Nodes { start: &start[..count], middle: &middle[..count], end: &end[..count] };
-        (step.set_tables)(&mut self.tables, part * step.length_s);
-        let (motion, tables) = (step.motion, &self.tables);
+        let tables = if part == 1.0 {
+            step.tables
+        } else {
+            (step.set_tables)(&mut self.tables, part * step.length_s);
+            &self.tables
+        };
+        let (motion, work) = match &mut self.sides {
+            Some(sides) => (&sides.motion, &mut sides.work),
+            None => (step.motion, &mut *step.work),
+        };
         to[motion.moving()..].copy_from_slice(&at[motion.moving()..]);
         if slopes.is_empty() {
-            motion.step(step.work, at, &inputs, tables, to)
+            motion.step(work, at, &inputs, tables, to)
         } else {
-            motion.linearized_step(step.work, at, &inputs, tables, to, slopes)
+            motion.linearized_step(work, at, &inputs, tables, to, slopes)
         }
     }
 
@@ -247,16 +393,17 @@ impl Resets {
         behind.copy_from_slice(event);
         let mut saltation = vec![0.0; size * size];
         (0..size).for_each(|k| saltation[k * (size + 1)] = 1.0);
+        let mut normal = vec![0.0; size];
         let Reset { crossing, set, .. } = &mut self.all[reset];
         for (state, reading) in set {
             behind[*state] =
-                reading.linearize(event, &[], &mut saltation[*state * size..(*state + 1) * size]);
+                reading.linearize(event, inputs, &mut saltation[*state * size..(*state + 1) * size]);
         }
+        crossing.linearize(event, inputs, &mut normal);
         let (mut before, mut after) = ([0.0; MOST_STATES], [0.0; MOST_STATES]);
-        let finite = step.motion.rates(step.work, event, inputs, &mut before[..size])
-            && step.motion.rates(step.work, behind, inputs, &mut after[..size]);
-        let mut normal = vec![0.0; size];
-        crossing.linearize(event, &[], &mut normal);
+        let mut finite = self.rates(step, event, inputs, &mut before[..size]);
+        self.hold(step, behind, when);
+        finite &= self.rates(step, behind, inputs, &mut after[..size]);
         let speed: f64 = normal.iter().zip(&before).map(|(n, f)| n * f).sum();
         for (row, after) in saltation.chunks_exact_mut(size).zip(&after) {
             let moved: f64 = row.iter().zip(&before).map(|(slope, f)| slope * f).sum();

@@ -2,7 +2,7 @@
 
 mod continuous;
 mod etdrk4;
-mod exponential;
+mod held_etdrk4;
 mod linear;
 mod noise;
 mod numeric;
@@ -10,7 +10,7 @@ mod stepper;
 
 pub use continuous::{ContinuousDiscrete, ContinuousLinear, IntervalError, Propagation};
 pub use etdrk4::{EtdWeights, Etdrk4};
-pub use exponential::Exponential;
+pub use held_etdrk4::HeldEtdrk4;
 pub use linear::LinearProcess;
 pub use noise::ProcessNoise;
 pub use numeric::NumericProcess;

@@ -4,7 +4,7 @@ use kalmems_core::filter::ContinuousObserver;
 use kalmems_core::riccati::{RiccatiError, continuous_riccati, discrete_lyapunov, kalman_bucy_gain};
 use kalmems_core::update::{Correction, Policy};
 use kalmems_core::{
-    Covariance, Dynamics, Ekf, Exponential, Filter, FilterError, FixedGain, Innovation, Mat, Measurement,
+    Covariance, Dynamics, Ekf, Filter, FilterError, FixedGain, HeldEtdrk4, Innovation, Mat, Measurement,
     NoiseDensity, NumericMeasurement, NumericProcess, OperatingPoint, Process, StateTransition,
 };
 
@@ -68,7 +68,7 @@ impl<const N: usize> ConstantGain<N> {
 }
 
 /// The exact step of a device that is followed by an observer, driven by its input and the last sample.
-pub type HeldSamples<D, H, const N: usize> = Exponential<ContinuousObserver<D, H, f64, N, 1>, f64, N>;
+pub type HeldSamples<D, H, const N: usize> = HeldEtdrk4<ContinuousObserver<D, H, f64, N, 1>, f64, N>;
 
 /// The observer with the gain of the continuous Kalman filter, each sample held over the interval after it, and the
 /// system that its error is: the noise of a sample is part of that of the step. Both are those of the device at rest under
@@ -92,7 +92,7 @@ where
     let gain = kalman_bucy_gain(&settled, &observation, &noise);
     let observer = ContinuousObserver { dynamics, measurement: readout, gain };
     let rest = (none, [0.0]);
-    let process = Exponential::new(observer, interval_s, density, (&[0.0; N], &rest));
+    let process = HeldEtdrk4::new(observer, interval_s, density, (&[0.0; N], &rest));
     // What one volt of a sample does.
     let volt: [f64; N] = process.step(&[0.0; N], &(none, [1.0]));
     let sample = Covariance::from_variances([noise_variance]);

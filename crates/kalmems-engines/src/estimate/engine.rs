@@ -297,14 +297,15 @@ pub struct DerivedQuantities {
     compute: Rc<Compute>,
 }
 
-/// Gives place, mean and standard deviation of each quantity, from the mean of the states and the entries of their covariance.
-pub type Compute = dyn Fn(&[f64], &dyn Fn(usize, usize) -> f64, &mut dyn FnMut(usize, (f64, f64)));
+/// Gives place, mean and standard deviation of each quantity, from the row of the course, the mean of the states and the entries of their
+/// covariance.
+pub type Compute = dyn Fn(usize, &[f64], &dyn Fn(usize, usize) -> f64, &mut dyn FnMut(usize, (f64, f64)));
 
 impl DerivedQuantities {
     /// Quantities of these names.
     pub fn new(
         names: Vec<StateName>,
-        compute: impl Fn(&[f64], &dyn Fn(usize, usize) -> f64, &mut dyn FnMut(usize, (f64, f64))) + 'static,
+        compute: impl Fn(usize, &[f64], &dyn Fn(usize, usize) -> f64, &mut dyn FnMut(usize, (f64, f64))) + 'static,
     ) -> Self {
         Self { names, compute: Rc::new(compute) }
     }
@@ -314,7 +315,7 @@ impl DerivedQuantities {
         names: [StateName; 2],
         compute: impl Fn(&[f64], &dyn Fn(usize, usize) -> f64) -> [(f64, f64); 2] + 'static,
     ) -> Self {
-        Self::new(names.to_vec(), move |mean, covariance, to| {
+        Self::new(names.to_vec(), move |_, mean, covariance, to| {
             compute(mean, covariance).into_iter().enumerate().for_each(|(place, value)| to(place, value));
         })
     }
@@ -364,11 +365,11 @@ impl Trajectory {
         }
     }
 
-    /// Enters what is known of the states at sample `k`, and what follows from it.
+    /// Enters what is known of the states at sample `k`, a row of the course, and what follows from it.
     pub(super) fn keep(
         &mut self,
         derived: Option<&DerivedQuantities>,
-        k: usize,
+        (k, row): (usize, usize),
         mean: &[f64],
         covariance: &dyn Fn(usize, usize) -> f64,
     ) {
@@ -379,7 +380,7 @@ impl Trajectory {
         let Some(derived) = derived else { return };
         let states = mean.len().min(self.states.len());
         let (_, quantities) = self.states.split_at_mut(states);
-        (derived.compute)(mean, covariance, &mut |place, (mean, sd)| {
+        (derived.compute)(row, mean, covariance, &mut |place, (mean, sd)| {
             if let Some(state) = quantities.get_mut(place) {
                 (state.mean[k], state.sd[k]) = (mean, sd);
             }
@@ -833,7 +834,7 @@ impl<const N: usize> FilterRun<N> {
             }
         }
         let now = filter.gaussian();
-        trajectory.keep(derived, k, &now.mean, &|i, j| now.covariance.get(i, j));
+        trajectory.keep(derived, (k, first + k), &now.mean, &|i, j| now.covariance.get(i, j));
         if let Some(again) = again {
             let sample = if filter.watched().rejects(0) {
                 WatchedSample::Rejected

@@ -143,7 +143,7 @@ impl FilterBasics {
     }
 
     /// How many samples of this interval in s a smoother with a fixed lag looks ahead, where one is wanted.
-    pub(super) fn lag_samples(&self, interval_s: f64) -> Option<usize> {
+    pub fn lag_samples(&self, interval_s: f64) -> Option<usize> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         // positive; beyond the segment is its end
         self.lag_s.map(|lag_s| (lag_s / interval_s).round() as usize)

@@ -72,11 +72,11 @@ impl<const N: usize> Smoother<N> {
 /// The sample at which it stopped, and why; no reason where it was stopped from outside.
 type SmoothingStop = (usize, Option<FilterError>);
 
-/// Enters a smoothed state.
+/// Enters a smoothed state of sample `k`, a row of the course.
 fn keep<const N: usize>(
     answer: &mut Trajectory,
     derived: Option<&DerivedQuantities>,
-    k: usize,
+    (k, row): (usize, usize),
     smoothed: &Smoothed<f64, N>,
 ) {
     // Where the filter had stopped there is nothing to smooth.
@@ -84,7 +84,7 @@ fn keep<const N: usize>(
         return;
     }
     let covariance = smoothed.covariance();
-    answer.keep(derived, k, &smoothed.mean, &|i, j| covariance.get(i, j));
+    answer.keep(derived, (k, row), &smoothed.mean, &|i, j| covariance.get(i, j));
 }
 
 /// Where an answer stopped.
@@ -124,12 +124,13 @@ impl<const N: usize> PendingPart<N> {
         let given = if part.ends { answer.time_s.len() } else { waited };
         answer.failure = failure;
         if given > 0 {
-            let window = part.fresh.start - waited..part.fresh.end;
+            let first = part.fresh.start - waited;
+            let window = first..part.fresh.end;
             let derived = course.derived();
             let way = FilterWay { breaks: SmoothingBreaks::of(&answer), steps: answer.steps.clone() };
             let each = |k: usize, smoothed: &Smoothed<f64, N>| {
                 if k < given {
-                    keep(&mut answer, derived.as_ref(), k, smoothed);
+                    keep(&mut answer, derived.as_ref(), (k, first + k), smoothed);
                 }
             };
             if let Err(stopped) = whole(&start, (course, progress), (&window, way), each) {
@@ -228,7 +229,9 @@ impl<const N: usize> Lagged<N> {
         let breaks = SmoothingBreaks { lost_s: Vec::new(), ..SmoothingBreaks::of(answer) };
         let way = FilterWay { breaks, steps: part.filtered.steps.clone() };
         let derived = course.derived();
-        let mut keep = |k: usize, smoothed: &Smoothed<f64, N>| keep(answer, derived.as_ref(), k, smoothed);
+        let row = |k: usize| (part.fresh.start + k).saturating_sub(waited);
+        let mut keep =
+            |k: usize, smoothed: &Smoothed<f64, N>| keep(answer, derived.as_ref(), (k, row(k)), smoothed);
         let begun = self.filter.is_some();
         let filter = self.filter.get_or_insert_with(|| part.entry.clone().without_step_watch());
         filter.follow(part.decided);

@@ -191,7 +191,7 @@ impl Device {
         &self.measures
     }
 
-    /// What follows from its states and is wanted as well, such as the position that an amplitude and a phase make.
+    /// What follows from its states and inputs and is wanted as well, such as the position that an amplitude and a phase make.
     pub fn quantities(&self) -> &[Named] {
         &self.quantities
     }

@@ -211,21 +211,14 @@ impl<'a> ReadResult<'a> {
         self.read_of_states(&self.description.measure, ("a measurement", false), equations)
     }
 
-    /// What follows from states and parameters.
+    /// What follows from states, inputs and parameters.
     fn quantities(
         &mut self,
         equations: &mut Equations,
         measures: &[Named],
     ) -> Result<NamedNodes, EquationError> {
         let found = self.read_of_states(&self.description.quantities, ("a quantity", true), equations)?;
-        for (entry, node) in self.description.quantities.iter().zip(&found.1) {
-            let by_input = |variable: &Variable| matches!(variable, Variable::Input(_));
-            if self.resolver.graph.variables(*node).iter().any(by_input) {
-                let why =
-                    "a quantity follows from states and parameters; this one depends on an input as well"
-                        .to_owned();
-                return Err(EquationError::whole(&entry.place, &entry.text, EquationFault::Value(why)));
-            }
+        for entry in &self.description.quantities {
             self.require_own_name(entry, measures)?;
         }
         Ok(found)

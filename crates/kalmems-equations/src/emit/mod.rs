@@ -19,7 +19,7 @@ mod names;
 mod pairs;
 mod rehearsal;
 mod request;
-mod rewrite;
+pub(crate) mod rewrite;
 mod routine;
 mod runge_kutta;
 mod rust;

@@ -11,7 +11,7 @@ const MOST_DISTRIBUTED: usize = 8;
 const NEAR: f64 = 1e-13;
 
 /// What is made of a law.
-pub(super) type OfLaw<'a> =
+pub(crate) type OfLaw<'a> =
     &'a mut dyn FnMut(&mut Graph, LawId, &[u8], &[NodeId]) -> Result<NodeId, EmitError>;
 
 /// These expressions with other nodes in the place of some, and laws as `of_law` has them.
@@ -34,7 +34,7 @@ pub(super) fn substituted(
 }
 
 /// A node of other parts, made anew.
-pub(super) fn copied(
+pub(crate) fn copied(
     graph: &mut Graph,
     node: &Node,
     part: &dyn Fn(NodeId) -> NodeId,
@@ -66,7 +66,7 @@ pub(super) fn copied(
 
 /// Laws as they are. A `Result` as others have it.
 #[allow(clippy::unnecessary_wraps)]
-pub(super) fn same_law(
+pub(crate) fn same_law(
     graph: &mut Graph,
     law: LawId,
     by: &[u8],

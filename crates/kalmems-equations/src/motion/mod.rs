@@ -57,6 +57,16 @@ impl Device {
     ///
     /// Too many states, and equations that are too large once they are differentiated.
     pub fn motion(&self, free: &[usize]) -> Result<Motion, EquationError> {
+        self.motion_of((self.graph.clone(), &self.rates), free, 0)
+    }
+
+    /// The motion by these rates, which so many numbers enter behind the parameters that stay as they are over a step.
+    pub(crate) fn motion_of(
+        &self,
+        (mut graph, own_rates): (Graph, &[NodeId]),
+        free: &[usize],
+        held_numbers: usize,
+    ) -> Result<Motion, EquationError> {
         let states = self.states.len();
         if states + free.len() > MOST_STATES {
             let why = format!(
@@ -65,11 +75,10 @@ impl Device {
             );
             return Err(whole("states", EquationFault::Value(why)));
         }
-        let mut graph = self.graph.clone();
-        let mut roots = self.rates.clone();
+        let mut roots = own_rates.to_vec();
         roots.push(Graph::ZERO);
         let mut places = Vec::new();
-        for (row, rate) in self.rates.iter().enumerate() {
+        for (row, rate) in own_rates.iter().enumerate() {
             for (column, variable) in variables(states, free).enumerate() {
                 let slope = graph.derivative(*rate, variable);
                 if slope != Graph::ZERO {
@@ -80,7 +89,7 @@ impl Device {
         }
         let is_free = |variable: Variable| match variable {
             Variable::State(_) | Variable::Input(_) => true,
-            Variable::Parameter(index) => free.contains(&index),
+            Variable::Parameter(index) => free.contains(&index) || index >= self.parameters.len(),
         };
         let varies = |row: usize| {
             let mut slopes = places.iter().zip(roots.iter().skip(states + 1));
@@ -91,17 +100,18 @@ impl Device {
             || places.iter().zip(roots.iter().skip(states + 1)).filter(|((_, column), _)| *column < states);
         let is_held = |state: &usize| {
             let shapes = |variable| variable == Variable::State(*state);
-            self.rates.get(*state) == Some(&Graph::ZERO)
+            own_rates.get(*state) == Some(&Graph::ZERO)
                 && of_states().any(|(_, slope)| graph.depends(*slope, shapes))
         };
         let held = (0..states).filter(is_held).collect();
         let is_linear = !varying.contains(&true);
         let is_input = |variable| matches!(variable, Variable::Input(_));
-        let rows = self.rates.iter().zip(varying).enumerate();
+        let rows = own_rates.iter().zip(varying).enumerate();
         let bent = rows.filter(|(_, (rate, varies))| *varies || graph.depends(**rate, is_input));
         let bent = bent.map(|(row, _)| row).collect();
-        let has_kinks = self.rates.iter().any(|rate| graph.has_kink(*rate));
-        let program = self.program(&mut graph, &roots, free, "derivative")?.with_first_results(states);
+        let has_kinks = own_rates.iter().any(|rate| graph.has_kink(*rate));
+        let program = self.program_with((&mut graph, &roots), (free, held_numbers), "derivative")?;
+        let program = program.with_first_results(states);
         let (own, rest) = program.outputs().split_at(states);
         let (zero, registers) = rest.split_first().unwrap_or((&0, &[]));
         let size = SIZES.into_iter().find(|size| *size >= states).unwrap_or(MOST_STATES);
@@ -149,6 +159,16 @@ impl Device {
         free: &[usize],
         key: &str,
     ) -> Result<Program, EquationError> {
+        self.program_with((graph, roots), (free, 0), key)
+    }
+
+    /// The same with so many numbers behind the parameters that change from step to step.
+    fn program_with(
+        &self,
+        (graph, roots): (&mut Graph, &[NodeId]),
+        (free, held_numbers): (&[usize], usize),
+        key: &str,
+    ) -> Result<Program, EquationError> {
         if let Some(stop) = graph.take_stop() {
             return Err(whole(key, crate::device::fault_of(stop)));
         }
@@ -157,8 +177,10 @@ impl Device {
                 format!("the device has {} states; at most {MOST_STATES} can be run", self.states.len());
             return Err(whole("states", EquationFault::Value(why)));
         }
-        let counts = RegisterCounts { inputs: self.inputs.len(), parameters: self.parameters.len() };
-        Program::of(graph, roots, counts, free, &self.curves)
+        let own = self.parameters.len();
+        let counts = RegisterCounts { inputs: self.inputs.len(), parameters: own + held_numbers };
+        let changing: Vec<usize> = free.iter().copied().chain(own..own + held_numbers).collect();
+        Program::of(graph, roots, counts, &changing, &self.curves)
             .ok_or_else(|| whole(key, EquationFault::TooLarge { what: "numbers to keep", limit: REGISTERS }))
     }
 }
@@ -276,6 +298,14 @@ impl Motion {
         jacobian: &mut [f64],
     ) -> bool {
         self.over(work, x, (inputs, tables), to, jacobian)
+    }
+
+    /// Gives numbers that stay as they are over a step their values, from this place among the parameters on.
+    pub(crate) fn hold(&self, work: &mut ProgramNumbers, first: usize, values: &[f64]) {
+        for (k, value) in values.iter().enumerate() {
+            self.program.set_parameter(work, first + k, *value);
+        }
+        self.program.begin_step(work);
     }
 
     /// Takes the parameters that are states.

@@ -3,7 +3,7 @@
 
 use crate::system::signal::Noise;
 use kalmems_core::{
-    ContinuousDiscrete, Covariance, Ekf, Exponential, Filter, FilterError, FixedGain, LinearMeasurement,
+    ContinuousDiscrete, Covariance, Ekf, Filter, FilterError, FixedGain, HeldEtdrk4, LinearMeasurement,
     LinearProcess, Mat, NoiseDensity, OperatingPoint, Process, Scalar, Scaled, Scales,
 };
 use kalmems_models::capacitance::DifferentialPlates;
@@ -22,7 +22,7 @@ type Model<T> = Scaled<SensedAcceleration<T>, T, 4>;
 pub struct Sensed<T> {
     dynamics: Model<T>,
     density: NoiseDensity<T, 4>,
-    exact: Exponential<Model<T>, T, 4>,
+    exact: HeldEtdrk4<Model<T>, T, 4>,
     readout: Scaled<DifferentialReadout<T>, T, 4>,
     settled: FixedGain<T, 4, 1>,
     linear: LinearProcess<T, 4, 1>,
@@ -51,7 +51,7 @@ impl<T: Scalar<Mask = bool>> Sensed<T> {
         let scales = Scales::natural(&sensed).expect("scales");
         let density = scales.scale_density(&sensed.noise(5.8e-24));
         let dynamics = Scaled::new(sensed, scales);
-        let exact = Exponential::new(dynamics, INTERVAL, &density, (&[0.0; 4], &0.0));
+        let exact = HeldEtdrk4::new(dynamics, INTERVAL, &density, (&[0.0; 4], &0.0));
         let noise = Covariance::from_variances([VARIANCE]);
         let point = OperatingPoint::of(&exact, (&Scaled::new(readout, scales), noise), (&[0.0; 4], &0.0));
         let gain = *FixedGain::steady_state([0.0; 4], &point).expect("a gain").gain();
@@ -77,7 +77,7 @@ impl<T: Scalar<Mask = bool>> Sensed<T> {
         Self {
             dynamics,
             density,
-            exact: Exponential::new(dynamics, of(INTERVAL), &density, (&[of(0.0); 4], &of(0.0))),
+            exact: HeldEtdrk4::new(dynamics, of(INTERVAL), &density, (&[of(0.0); 4], &of(0.0))),
             readout: Scaled::new(readout, scales),
             settled: FixedGain::from_gain([of(0.0); 4], gain, &point).expect("a gain"),
             linear: LinearProcess {

@@ -7,7 +7,7 @@ use crate::dynamics::{Accelerometer, CarrierDriven};
 use crate::readout::DifferentialReadout;
 use core::f64::consts::{PI, TAU};
 use core::fmt;
-use kalmems_core::{Covariance, Exponential, Mat, Nodes, NoiseDensity, Process, Rk4, Scalar, riccati};
+use kalmems_core::{Covariance, HeldEtdrk4, Mat, Nodes, NoiseDensity, Process, Rk4, Scalar, riccati};
 
 /// An accelerometer in its loop, integrated between its samples.
 ///
@@ -297,7 +297,7 @@ impl RebalanceLoop<f64> {
     /// Mass and readout over an interval.
     fn over(&self, interval_s: f64) -> Sampled {
         let none = NoiseDensity::none();
-        let process = Exponential::new(self.device, interval_s, &none, (&[0.0; 2], &[0.0; 2]));
+        let process = HeldEtdrk4::new(self.device, interval_s, &none, (&[0.0; 2], &[0.0; 2]));
         let (_, f) = process.linearize(&[0.0; 2], &[0.0; 2]);
         let volt = 1e-6;
         let pushed: [f64; 2] = process.step(&[0.0; 2], &[0.0, volt]);

@@ -2,7 +2,7 @@
 
 use kalmems_core::riccati::continuous_lyapunov;
 use kalmems_core::{
-    Dynamics, Exponential, Mat, Measurement, Nodes, NoiseDensity, Observability, Process, Rk4, jacobian,
+    Dynamics, HeldEtdrk4, Mat, Measurement, Nodes, NoiseDensity, Observability, Process, Rk4, jacobian,
 };
 use kalmems_models::capacitance::{DifferentialPlates, FixedPlate};
 use kalmems_models::constants::{STANDARD_GRAVITY, VACUUM_PERMITTIVITY};
@@ -57,7 +57,7 @@ fn the_mass_alone_has_the_published_eigenvalues_and_is_observable() {
     // The transition over 10 µs has e^λh as its eigenvalues: their sum and product.
     let linear = Accelerometer { carrier_mean_square: 0.0, ..device(4.0) };
     let h = 1e-5;
-    let step = Exponential::new(linear, h, &NoiseDensity::none(), (&[0.0; 2], &[0.0; 2]));
+    let step = HeldEtdrk4::new(linear, h, &NoiseDensity::none(), (&[0.0; 2], &[0.0; 2]));
     let (_, f) = step.linearize(&[0.0; 2], &[0.0; 2]);
     assert_close(f[(0, 0)] + f[(1, 1)], (slow * h).exp() + (fast * h).exp(), 1e-9);
     assert_close(f[(0, 0)] * f[(1, 1)] - f[(0, 1)] * f[(1, 0)], ((slow + fast) * h).exp(), 1e-9);

@@ -4,7 +4,7 @@
 use crate::chance::{Chance, plus, spread};
 use kalmems_core::adapt::InnovationWindow;
 use kalmems_core::{
-    Covariance, Dynamics, Ekf, Exponential, Filter, FixedGain, Ldl, LinearMeasurement, LinearProcess, Mat,
+    Covariance, Dynamics, Ekf, Filter, FixedGain, HeldEtdrk4, Ldl, LinearMeasurement, LinearProcess, Mat,
     Measurement, NoiseDensity, OperatingPoint, Process, Scaled, Scales, SchmidtEkf, SigmaPoints,
     SquareRootEkf, Ukf, riccati::discrete_lyapunov,
 };
@@ -90,14 +90,14 @@ impl Bench {
         let scales = Scales::natural(&self.sensed).unwrap();
         let dynamics = Scaled::new(self.sensed, scales);
         let density = scales.scale_density(&self.sensed.noise(self.force_density));
-        let process = Exponential::new(dynamics, INTERVAL_S, &density, (&[0.0; 4], &0.0));
+        let process = HeldEtdrk4::new(dynamics, INTERVAL_S, &density, (&[0.0; 4], &0.0));
         Model { process, readout: Scaled::new(self.closed.readout, scales), scales }
     }
 }
 
 /// What the filters run on, in scaled states.
 struct Model {
-    process: Exponential<Scaled<SensedAcceleration<f64>, f64, 4>, f64, 4>,
+    process: HeldEtdrk4<Scaled<SensedAcceleration<f64>, f64, 4>, f64, 4>,
     readout: Scaled<DifferentialReadout<f64>, f64, 4>,
     scales: Scales<f64, 4>,
 }
@@ -455,7 +455,7 @@ fn the_covariance_stays_positive_from_any_start() {
         let density = NoiseDensity::none().on::<1>(noise.get(1, 1)).on::<3>(noise.get(3, 3));
         let dynamics = Scaled::new(uncertain, scales);
         let process =
-            Exponential::new(dynamics, INTERVAL_S, &scales.scale_density(&density), (&[0.0; 7], &0.0));
+            HeldEtdrk4::new(dynamics, INTERVAL_S, &scales.scale_density(&density), (&[0.0; 7], &0.0));
         let readout = Scaled::new(bench.closed.readout, scales);
         let considered = |i: usize| i >= 4;
         let start =

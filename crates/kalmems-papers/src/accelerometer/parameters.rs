@@ -6,7 +6,7 @@ use crate::program::{
     Check, CheckTolerance, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread,
     ValueOrigin,
 };
-use kalmems_core::{Covariance, Exponential, Measurement, NoiseDensity, Observability, Process};
+use kalmems_core::{Covariance, HeldEtdrk4, Measurement, NoiseDensity, Observability, Process};
 use kalmems_figures::significant;
 use kalmems_figures::{ColumnHead, TextTable};
 use kalmems_models::constants::STANDARD_GRAVITY;
@@ -103,7 +103,7 @@ fn table_i(benches: &[AccelerometerBench; 2]) -> Item {
 /// Of the two states, sampled.
 fn rank(bench: &AccelerometerBench) -> f64 {
     let device = bench.closed.device;
-    let process = Exponential::new(device, INTERVAL_S, &NoiseDensity::none(), (&[0.0; 2], &[0.0; 2]));
+    let process = HeldEtdrk4::new(device, INTERVAL_S, &NoiseDensity::none(), (&[0.0; 2], &[0.0; 2]));
     let (_, transition) = process.linearize(&[0.0; 2], &[0.0; 2]);
     let (_, observation) = bench.closed.readout.linearize(&[0.0; 2]);
     let mut seen = Observability::new([1e-10, 1e-6]);

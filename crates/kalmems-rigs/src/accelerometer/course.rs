@@ -1,10 +1,10 @@
 //! How a filter gets from one sample of the accelerometer to the next.
 
 use super::data::{AccelerometerSegment, ModelInput};
-use super::instrument::{ExactStep, Instrument, ObserverStep};
+use super::instrument::{DividedStep, Instrument, ObserverStep};
 use super::noise_estimate::NoiseEstimate;
 use crate::estimate::{
-    Bridge, Course, Filtering, MeasurementSensor, ProcessTransition, SampleCounts, by_signal,
+    Bridge, Course, Filtering, MeasurementSensor, ProcessTransition, SampleCounts, Transition, by_signal,
 };
 use kalmems_core::{ContinuousDiscrete, Dynamics, Euler, FilterError, Innovation, Scaled};
 
@@ -22,20 +22,59 @@ pub trait Prediction<D: Dynamics<f64, N>, const N: usize> {
         input: D::Input,
         sample: f64,
     ) -> Option<Result<(), FilterError>>;
+
+    /// Takes so many steps over this interval from here on; whether shorter ones are closer to the motion.
+    fn divide(&mut self, _: (&Instrument<D, N>, f64), _: usize) -> bool {
+        false
+    }
 }
 
-impl<D: Dynamics<f64, N>, const N: usize> Prediction<D, N> for ExactStep<D, N> {
+impl<D: Dynamics<f64, N, Input: ModelInput> + Copy, const N: usize> Prediction<D, N> for DividedStep<D, N> {
     fn predict(
         &self,
         filter: &mut dyn Filtering,
         input: D::Input,
         _: f64,
     ) -> Option<Result<(), FilterError>> {
-        Some(filter.predict(&ProcessTransition::new(self, &input)))
+        Some((0..self.parts).try_for_each(|_| filter.predict(&UnderInput { step: self, input })))
+    }
+
+    fn divide(&mut self, (instrument, interval_s): (&Instrument<D, N>, f64), steps: usize) -> bool {
+        if steps != self.parts {
+            *self = instrument.divided(interval_s, steps);
+        }
+        true
     }
 }
 
-/// Over another interval the exact step is taken.
+/// A step over a part of the interval.
+struct UnderInput<'a, D: Dynamics<f64, N>, const N: usize> {
+    step: &'a DividedStep<D, N>,
+    input: D::Input,
+}
+
+impl<D: Dynamics<f64, N>, const N: usize> Transition for UnderInput<'_, D, N> {
+    fn advance(&self, x: &[f64], to: &mut [f64]) {
+        ProcessTransition::new(&self.step.whole, &self.input).advance(x, to);
+    }
+
+    fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
+        ProcessTransition::new(&self.step.whole, &self.input).linearize(x, to, jacobian);
+    }
+
+    fn advance_in_halves(&self, x: &[f64], to: &mut [f64]) -> bool {
+        let (half, mut middle) = (ProcessTransition::new(&self.step.half, &self.input), [0.0; N]);
+        half.advance(x, &mut middle);
+        half.advance(&middle, to);
+        true
+    }
+
+    fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
+        ProcessTransition::new(&self.step.whole, &self.input).noise(covariance, root);
+    }
+}
+
+/// Over another interval the step of all devices is taken.
 impl<D: Dynamics<f64, N>, const N: usize> Prediction<D, N> for Euler<Scaled<D, f64, N>, f64, N> {
     fn predict(
         &self,
@@ -96,18 +135,20 @@ pub struct AccelerometerCourse<'a, D, S, const N: usize> {
     data: &'a AccelerometerSegment<'a>,
     step: S,
     noise: Option<NoiseEstimate>,
+    /// What it was before the first sample.
+    first_noise: Option<NoiseEstimate>,
 }
 
 impl<'a, D, S, const N: usize> AccelerometerCourse<'a, D, S, N> {
     /// A way through this segment.
     pub fn new(instrument: &'a Instrument<D, N>, data: &'a AccelerometerSegment<'a>, step: S) -> Self {
-        Self { instrument, data, step, noise: None }
+        Self { instrument, data, step, noise: None, first_noise: None }
     }
 
     /// The same with the variance of a sample estimated on the way.
     #[must_use]
     pub fn with_noise(self, noise: Option<NoiseEstimate>) -> Self {
-        Self { noise, ..self }
+        Self { first_noise: noise.clone(), noise, ..self }
     }
 
     /// What was estimated of it.
@@ -137,6 +178,14 @@ where
 
     fn signal(&self) -> &[f64] {
         self.data.signal
+    }
+
+    fn divide(&mut self, steps: usize) -> bool {
+        self.step.divide((self.instrument, self.data.interval_s), steps)
+    }
+
+    fn rewind(&mut self) {
+        self.noise.clone_from(&self.first_noise);
     }
 
     fn advance(

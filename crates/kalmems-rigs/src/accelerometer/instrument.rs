@@ -11,17 +11,27 @@ use kalmems_core::Portable;
 use kalmems_core::filter::{ObserverError, Pole};
 use kalmems_core::riccati::RiccatiError;
 use kalmems_core::{
-    Covariance, Dynamics, Exponential, FixedGain, NoiseDensity, NotAScale, OperatingPoint, Scaled, Scales,
+    Covariance, Dynamics, FixedGain, HeldEtdrk4, NoiseDensity, NotAScale, OperatingPoint, Scaled, Scales,
 };
 use kalmems_models::dynamics::{Accelerometer, SensedAcceleration, UncertainMechanics};
 use kalmems_models::readout::DifferentialReadout;
 
 /// The readout in scaled states.
 pub type ScaledReadout<const N: usize> = Scaled<DifferentialReadout<f64>, f64, N>;
-/// The exact step of a model.
-pub type ExactStep<D, const N: usize> = Exponential<Scaled<D, f64, N>, f64, N>;
-/// The exact step of a model that is an observer itself, driven by its input and the last sample.
+/// The step of a model.
+pub type ModelStep<D, const N: usize> = HeldEtdrk4<Scaled<D, f64, N>, f64, N>;
+/// The step of a model that is an observer itself, driven by its input and the last sample.
 pub type ObserverStep<D, const N: usize> = HeldSamples<Scaled<D, f64, N>, ScaledReadout<N>, N>;
+
+/// The step of a model over each of so many equal parts of the usual interval, and over half of one.
+pub struct DividedStep<D, const N: usize> {
+    /// Over a part.
+    pub whole: ModelStep<D, N>,
+    /// Over half of it.
+    pub half: ModelStep<D, N>,
+    /// The parts of the usual interval.
+    pub parts: usize,
+}
 
 /// An instrument of `N` states with its noise.
 #[derive(Clone, Copy, Debug)]
@@ -50,9 +60,6 @@ impl Instrument<SensedAcceleration<f64>, 4> {
 
 impl Instrument<UncertainMechanics<f64>, 7> {
     /// With the acceleration and deviations of spring, damping and mass as states.
-    ///
-    /// The step is exact for the mechanics as they are stated; what a deviation does to it is held at the start of the
-    /// interval, which is right for all that is slow against the fastest decay.
     pub fn uncertain(hardware: &AccelerometerHardware) -> Result<Self, NotAScale> {
         let stated = hardware.sensed.noise(hardware.force_density);
         let density = NoiseDensity::none().on::<1>(stated.get(1, 1)).on::<3>(stated.get(3, 3));
@@ -87,9 +94,15 @@ impl<D: Dynamics<f64, N, Input: ModelInput> + Copy, const N: usize> Instrument<D
         })
     }
 
-    /// The step over an interval, exact but for what the plates' force bends.
-    pub fn over(&self, interval_s: f64) -> ExactStep<D, N> {
-        Exponential::new(self.dynamics, interval_s, &self.density, (&[0.0; N], &ModelInput::NONE))
+    /// The step over an interval.
+    pub fn over(&self, interval_s: f64) -> ModelStep<D, N> {
+        HeldEtdrk4::new(self.dynamics, interval_s, &self.density, (&[0.0; N], &ModelInput::NONE))
+    }
+
+    /// The steps over an interval in so many parts.
+    pub fn divided(&self, interval_s: f64, parts: usize) -> DividedStep<D, N> {
+        let part_s = interval_s / parts as f64;
+        DividedStep { whole: self.over(part_s), half: self.over(0.5 * part_s), parts }
     }
 
     /// The system over an interval, linearised at rest.

@@ -1,7 +1,7 @@
 //! A run of the accelerometer: open, in its loop, or with an observer in the loop.
 
 use super::data::ModelInput;
-use super::instrument::{ExactStep, Instrument};
+use super::instrument::{Instrument, ModelStep};
 use super::settings::AccelerometerHardware;
 use crate::simulate::{Drive, SimulateError, WhiteNoise};
 use kalmems_core::{
@@ -279,7 +279,7 @@ impl StepInput for [f64; 2] {
 /// A settled Kalman filter in the loop.
 struct SettledFilter<D, const N: usize> {
     instrument: Instrument<D, N>,
-    process: ExactStep<D, N>,
+    process: ModelStep<D, N>,
     filter: FixedGain<f64, N, 1>,
 }
 

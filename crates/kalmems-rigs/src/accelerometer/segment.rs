@@ -155,12 +155,12 @@ impl AccelerometerFilterTask<'_> {
             Method::SteadyState => {
                 let gain = FixedGain::steady_state(mean, &instrument.at_rest(h));
                 let gain = fixed(&gain.map_err(|why| self.filter.basics.no_gain(&why))?);
-                self.filtered(instrument, instrument.over(h), past, None, |_| Ok(AnyFilter::this(gain)))
+                self.filtered(instrument, instrument.divided(h, 1), past, None, |_| Ok(AnyFilter::this(gain)))
             }
             Method::Luenberger => {
                 let gain = instrument.luenberger(mean, self.filter.basics.observer_rate, h);
                 let gain = fixed(&gain.map_err(|why| self.filter.basics.no_gain(&why))?);
-                self.filtered(instrument, instrument.over(h), past, None, |_| Ok(AnyFilter::this(gain)))
+                self.filtered(instrument, instrument.divided(h, 1), past, None, |_| Ok(AnyFilter::this(gain)))
             }
             Method::KalmanBucy => {
                 let (observer, point) =
@@ -169,7 +169,7 @@ impl AccelerometerFilterTask<'_> {
                     .map_err(|why| self.filter.basics.no_gain(&why))?;
                 self.filtered(instrument, observer, past, None, |_| Ok(AnyFilter::this(none)))
             }
-            _ => self.filtered(instrument, instrument.over(h), past, found, |left| {
+            _ => self.filtered(instrument, instrument.divided(h, 1), past, found, |left| {
                 self.filter.basics.begin(left, || Ok(known))
             }),
         }
@@ -214,7 +214,7 @@ impl AccelerometerFilterTask<'_> {
             sizes: instrument.scales.sizes(),
             cycle_s: TAU / instrument.fastest(),
         };
-        let mut course = AccelerometerCourse::new(instrument, self.data, instrument.over(interval_s));
+        let mut course = AccelerometerCourse::new(instrument, self.data, instrument.divided(interval_s, 1));
         start_from_signal(&mut course, self.samples, &search, of).map(Some)
     }
 
@@ -248,7 +248,8 @@ impl AccelerometerFilterTask<'_> {
         let rule = basics.reacquisition(motion_hz, self.begun_s, rows)?;
         let search = self.search(instrument);
         Some(StartAgain::by(rule, move |rows, _| {
-            let mut course = AccelerometerCourse::new(instrument, self.data, instrument.over(interval_s));
+            let mut course =
+                AccelerometerCourse::new(instrument, self.data, instrument.divided(interval_s, 1));
             start_again_from_signal(&mut course, rows, &search, &basics.readout)
         }))
     }
@@ -320,7 +321,7 @@ impl AccelerometerFilterTask<'_> {
         let known = self.start(&instrument.scales, found.as_ref());
         let Gaussian { mean, covariance } = known.gaussian::<7>();
         let filter = SchmidtEkf::new(mean, covariance, array::from_fn(|i| i >= 4));
-        let process = instrument.over(self.data.interval_s);
+        let process = instrument.divided(self.data.interval_s, 1);
         self.filtered(instrument, process, past, found.as_ref(), |_| Ok(AnyFilter::this(filter)))
     }
 

@@ -1,7 +1,7 @@
 //! The instrument with other parameters than the experiment states, in any number.
 
 use super::settings::AccelerometerHardware;
-use kalmems_core::{Covariance, Exponential, NotAScale, OperatingPoint, Parameters, Scalar, Scaled, Scales};
+use kalmems_core::{Covariance, HeldEtdrk4, NotAScale, OperatingPoint, Parameters, Scalar, Scaled, Scales};
 use kalmems_models::dynamics::SensedAcceleration;
 use kalmems_models::readout::DifferentialReadout;
 
@@ -23,7 +23,7 @@ pub struct Factors<T> {
 }
 
 /// The step of an instrument with the acceleration as a state.
-pub type VariedStep<T> = Exponential<Scaled<SensedAcceleration<T>, T, 4>, T, 4>;
+pub type VariedStep<T> = HeldEtdrk4<Scaled<SensedAcceleration<T>, T, 4>, T, 4>;
 
 /// An instrument over one interval, with the acceleration as a state, in scaled states.
 #[derive(Clone, Copy, Debug)]
@@ -58,7 +58,7 @@ impl<T: Scalar<Mask = bool>> VariedInstrument<T> {
         let density = scales.scale_density(&sensed.noise(force_density));
         let rest = (&[T::of(0.0); 4], &T::of(0.0));
         Ok(Self {
-            process: Exponential::new(Scaled::new(sensed, scales), T::of(interval_s), &density, rest),
+            process: HeldEtdrk4::new(Scaled::new(sensed, scales), T::of(interval_s), &density, rest),
             readout: Scaled::new(hardware.readout.map(|_, value| T::of(value)), scales),
             noise: Covariance::from_variances([factors.noise * T::of(hardware.noise_variance)]),
         })

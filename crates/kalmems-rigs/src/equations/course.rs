@@ -87,8 +87,9 @@ pub struct EquationCourse<'a> {
     told: Vec<(usize, EventMeasurement)>,
     way: BackwardInterval,
     log_likelihood: f64,
-    /// The names of what follows from the states.
+    /// The names of what follows from the states, and whether it follows from the inputs as well.
     quantities: Vec<StateName>,
+    need_inputs: bool,
     /// The variance of a sample of each channel, as its noise is at the mean that the sample is predicted from.
     variances: Vec<f64>,
     /// The variance that a sample of its one signal is taken for, where that is not the noise's.
@@ -126,15 +127,17 @@ impl<'a> EquationCourse<'a> {
             way,
             log_likelihood: 0.0,
             quantities: Vec::new(),
+            need_inputs: false,
             variances: Vec::new(),
             signal_variance: None,
         }
     }
 
-    /// The same, where these quantities that follow from the states are answers too.
+    /// The same, where the quantities of a device are answers too.
     #[must_use]
-    pub fn answering(self, quantities: Vec<StateName>) -> Self {
-        Self { quantities, ..self }
+    pub fn answering(self, device: &Device) -> Self {
+        let (quantities, need_inputs) = (names::quantities(device), device.quantities_need_inputs());
+        Self { quantities, need_inputs, ..self }
     }
 
     /// The same, where a sample of its one signal is taken for this variance.
@@ -215,7 +218,9 @@ impl Course for EquationCourse<'_> {
     }
 
     fn derived(&self) -> Option<DerivedQuantities> {
-        self.model.derived(self.quantities.clone())
+        let rows = if self.need_inputs { self.data.time_s.len() } else { 0 };
+        let inputs = (0..rows).flat_map(|k| self.data.inputs.iter().map(move |input| input.sample(k).0));
+        self.model.derived(self.quantities.clone(), inputs.collect())
     }
 
     fn further_innovations(&self) -> &[[f64; 2]] {

@@ -35,7 +35,7 @@ pub struct EquationModel {
     /// Of each event, the states that it does not depend on, now or by its rates.
     apart: Vec<Vec<bool>>,
     work: RefCell<Vec<ProgramNumbers>>,
-    /// What happens to the states at once.
+    /// What happens to the states at once, or the kinks of their rates.
     resets: Option<RefCell<Resets>>,
     /// Value and scale of each parameter that is a state, and how it drifts.
     free: Vec<(f64, AddedState<f64>)>,
@@ -140,7 +140,11 @@ impl EquationModel {
         let quantities = 0..device.quantities().len();
         let quantities = quantities.map(|k| Ok(Reading::new(device.quantity(k, &places)?, values)));
         let quantities = quantities.collect::<Result<_, EquationError>>()?;
-        let resets = device.resets(values, (&motion, &places))?.map(RefCell::new);
+        let resets = match device.resets(values, (&motion, &places))? {
+            None if motion.has_kinks() && rule == StepRule::Exponential => device.sides(values, &places)?,
+            resets => resets,
+        };
+        let resets = resets.map(RefCell::new);
         let apart = events.iter().map(|event| apart(&motion, event)).collect();
         let mut work = vec![motion.work(values)];
         work.extend(readouts.iter().chain(&events).map(|readout| readout.work(values)));
@@ -191,7 +195,10 @@ impl EquationModel {
 
     /// Whether shorter steps are closer to the motion: not where they are exact, or those of a published method.
     pub fn divides(&self) -> bool {
-        self.rule == StepRule::Exponential && !self.motion.is_linear() && self.resets.is_none()
+        let are_kinks = |resets: &RefCell<Resets>| resets.borrow().are_kinks();
+        self.rule == StepRule::Exponential
+            && !self.motion.is_linear()
+            && self.resets.as_ref().is_none_or(are_kinks)
     }
 
     /// Where the motion is linearised for a state: at rest, with the states that no equation moves, such as a resonance, at their means, which
@@ -489,19 +496,21 @@ impl EquationModel {
             .map(|(place, _)| place)
     }
 
-    /// What follows from the states by the expressions of the device, under these names; `None` where there is nothing.
-    pub fn derived(&self, names: Vec<StateName>) -> Option<DerivedQuantities> {
+    /// What follows from the states, and from the inputs of each row, one row behind the other, by the expressions of the device, under these
+    /// names; `None` where there is nothing.
+    pub fn derived(&self, names: Vec<StateName>, of_rows: Vec<f64>) -> Option<DerivedQuantities> {
         if self.quantities.is_empty() {
             return None;
         }
         let (moving, free) = (self.moving(), self.free.clone());
         let readings = RefCell::new(self.quantities.clone());
-        let size = moving + free.len();
-        Some(DerivedQuantities::new(names, move |mean, covariance, to| {
+        let (size, inputs) = (moving + free.len(), self.inputs);
+        Some(DerivedQuantities::new(names, move |row, mean, covariance, to| {
+            let inputs = of_rows.get(row * inputs..(row + 1) * inputs).unwrap_or_default();
             let (x, mut slopes) = (valued(mean, moving, &free), [0.0; MOST_STATES]);
             let Some((x, slopes)) = x.get(..size).zip(slopes.get_mut(..size)) else { return };
             for (place, reading) in readings.borrow_mut().iter_mut().enumerate() {
-                let value = reading.linearize(x, &[], slopes);
+                let value = reading.linearize(x, inputs, slopes);
                 for (slope, (_, added)) in slopes.iter_mut().skip(moving).zip(&free) {
                     *slope *= added.scale;
                 }
@@ -621,29 +630,45 @@ impl UnderInputs<'_> {
         }
         let valued = model.valued(x);
         let Some(at) = valued.get(..x.len()) else { return };
-        let (motion, tables) = (&model.motion, &self.linearised.tables);
         let finite = model.with_work(0, |work| match model.rule {
-            StepRule::Exponential if jacobian.is_empty() => motion.step(work, at, &self.inputs, tables, to),
-            StepRule::Exponential => motion.linearized_step(work, at, &self.inputs, tables, to, jacobian),
+            StepRule::Exponential => {
+                let part = (&self.inputs, &self.linearised.tables, self.length_s);
+                self.by_exponential(work, at, part, to, jacobian)
+            }
             StepRule::Euler => self.by_euler(work, at, to, jacobian),
         });
-        let finite = finite.map(|finite| finite && self.with_resets(at, to, jacobian));
         self.concluded(finite, x, to);
     }
 
-    /// Takes what a step has led to for one with the resets within it.
-    fn with_resets(&self, at: &[f64], to: &mut [f64], jacobian: &mut [f64]) -> bool {
-        let model = self.model;
-        let Some(resets) = &model.resets else { return true };
+    /// One step under inputs over an interval in s of these tables, with the resets and the kinks within it.
+    fn by_exponential(
+        &self,
+        work: &mut ProgramNumbers,
+        at: &[f64],
+        (inputs, tables, length_s): (&Nodes<&[f64]>, &StepTables, f64),
+        to: &mut [f64],
+        jacobian: &mut [f64],
+    ) -> bool {
+        let (motion, resets) = (&self.model.motion, self.model.resets.as_ref());
         let slopes = &self.linearised.jacobian;
         let mut set_tables =
-            |tables: &mut StepTables, length_s: f64| model.motion.set_tables(tables, slopes, length_s);
-        let followed = model.with_work(0, |work| {
-            let (motion, inputs, length_s) = (&model.motion, &self.inputs, self.length_s);
-            let mut step = ResetStep { motion, work, inputs, length_s, set_tables: &mut set_tables };
-            resets.borrow_mut().follow(&mut step, at, to, jacobian)
-        });
-        followed == Some(true)
+            |tables: &mut StepTables, length_s: f64| motion.set_tables(tables, slopes, length_s);
+        let mut follow = |work: &mut ProgramNumbers, to: &mut [f64], jacobian: &mut [f64]| {
+            let set_tables = &mut set_tables;
+            let mut step = ResetStep { motion, work, inputs, tables, length_s, set_tables };
+            resets.is_none_or(|resets| resets.borrow_mut().follow(&mut step, at, to, jacobian))
+        };
+        let are_kinks = resets.is_some_and(|resets| resets.borrow().are_kinks());
+        if are_kinks && follow(work, to, jacobian) {
+            return true;
+        }
+        let finite = if jacobian.is_empty() {
+            motion.step(work, at, inputs, tables, to)
+        } else {
+            motion.linearized_step(work, at, inputs, tables, to, jacobian)
+        };
+        // Kinks that are passed too often, as by what rests on one, are stepped over.
+        finite && (are_kinks || follow(work, to, jacobian))
     }
 
     /// Takes whole turns off, and moves the parameters; no numbers where the step is not finite.
@@ -758,9 +783,11 @@ impl Transition for UnderInputs<'_> {
         let mut middle = [0.0; MOST_STATES];
         let Some(middle) = middle.get_mut(..x.len()) else { return false };
         let finite = model.with_work(0, |work| {
-            let mut nodes = [[0.0; MOST_STATES]; 3];
-            let first = model.motion.step(work, at, &self.inputs_of_part(0, 2, &mut nodes), tables, middle);
-            first && model.motion.step(work, middle, &self.inputs_of_part(1, 2, &mut nodes), tables, to)
+            let (mut nodes, length_s) = ([[0.0; MOST_STATES]; 3], 0.5 * self.length_s);
+            let first = (&self.inputs_of_part(0, 2, &mut nodes), tables, length_s);
+            let first = self.by_exponential(work, at, first, middle, &mut []);
+            let second = (&self.inputs_of_part(1, 2, &mut nodes), tables, length_s);
+            first && self.by_exponential(work, middle, second, to, &mut [])
         });
         self.concluded(finite, x, to);
         true

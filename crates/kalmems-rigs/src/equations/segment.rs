@@ -152,9 +152,12 @@ impl Estimator for EquationEstimator<'_> {
             (rows, again) =
                 (SineMotion::head_rows(self.settings.skip_s, interval_s), SineMotion::ROWS_BEFORE);
         }
+        // What follows from an input is said of a sample once a smoother has waited for the later ones.
+        let lags = self.settings.filters.iter().filter_map(|filter| filter.basics.lag_samples(interval_s));
+        let lagged = if own.device.quantities_need_inputs() { lags.fold(0, usize::max) } else { 0 };
         RowsAround {
             head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD),
-            before: before + again,
+            before: (before + again).max(lagged),
             after,
             smooths,
         }
@@ -370,7 +373,7 @@ impl EquationFilterTask<'_> {
         let used = (&*channels, &*self.filter.events);
         let course_of = |(index, model)| {
             let course = EquationCourse::new(model, (self.data, &self.own.between), used, steps)
-                .answering(names::quantities(&self.own.device))
+                .answering(&self.own.device)
                 .taking_samples_for(self.filter.signal_variance);
             // The model alone is corrected by nothing, wherever it starts.
             let corrects = basics.method != Method::Model;

@@ -278,12 +278,12 @@ impl EquationSimulation {
     }
 
     /// Writes what is true of a sample: the states that an estimate may be compared with, and the quantities.
-    fn write_truth(&self, state: &[f64], quantities: &mut [Reading], truth: &mut [f64]) {
+    fn write_truth(&self, (state, inputs): (&[f64], &[f64]), quantities: &mut [Reading], truth: &mut [f64]) {
         for (to, place) in truth.iter_mut().zip(&self.truth_of) {
             *to = state[*place];
         }
         for (to, quantity) in truth.iter_mut().skip(self.truth_of.len()).zip(quantities) {
-            *to = quantity.read(state, &[]);
+            *to = quantity.read(state, inputs);
         }
     }
 
@@ -402,7 +402,8 @@ impl SimulatedMotion {
             let finite = motion.step(work, state, nodes, tables, next);
             if let Some(resets) = resets.as_mut().filter(|_| finite) {
                 let set_tables = &mut |tables: &mut _, length_s| motion.set_runge_kutta(tables, length_s);
-                let mut step = ResetStep { motion, work: &mut *work, inputs: nodes, length_s, set_tables };
+                let work = &mut *work;
+                let mut step = ResetStep { motion, work, inputs: nodes, tables, length_s, set_tables };
                 if !resets.follow(&mut step, state, next, &mut []) {
                     next.fill(f64::NAN);
                 }
@@ -550,6 +551,9 @@ impl Simulation for EquationSimulation {
             }
             // A recording has what moves the device from its row on.
             inputs_at(&drives, time_s, of_inputs);
+            if !self.loops.is_empty() {
+                inputs_at(&drives, time_s, &mut inputs);
+            }
             if !finite {
                 return Err(self.not_finite((&before, &inputs), time_s, interval_s));
             }
@@ -557,7 +561,7 @@ impl Simulation for EquationSimulation {
             for (to, event) in recorded[measured..].iter_mut().zip(&mut events) {
                 *to = event.ago(time_s);
             }
-            self.write_truth(&state, &mut quantities, &mut truth);
+            self.write_truth((&state, &inputs), &mut quantities, &mut truth);
             let of_quantity =
                 |place: usize| truth.get(self.truth_of.len() + place).copied().unwrap_or(f64::NAN);
             let mut left = own.ranges.iter().filter_map(|range| range.left(of_quantity(range.quantity)));

@@ -55,7 +55,7 @@ pub struct EquationsTable {
     pub delay: Ordered<DelayTable>,
     /// What is measured, each with its unit: `signal = "gain*x in V"`. Each is a channel of a recording.
     pub measure: Ordered<String>,
-    /// What follows from the states and is wanted as an answer too, each with its unit: `position = "rest + a*cos(phase) in m"`. A
+    /// What follows from states, inputs and parameters and is wanted as an answer too, each with its unit: `position = "rest + a*cos(phase) in m"`. A
     /// reference may know it.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub quantities: Ordered<String>,

@@ -1,4 +1,4 @@
-//! A device of one's own whose signal has what the rate of its drive makes of it, and quantities that follow from its states.
+//! A device of one's own whose signal has what the rate of its drive makes of it, and quantities that follow from its states and its drive.
 
 use crate::own_inputs::Rows;
 use crate::parts::same_bits_in_parts;
@@ -32,6 +32,7 @@ current = "bias_slope*v + stray*ddt(drive) in nA"
 [device.equations.quantities]
 energy = "0.5*m*v^2 + 0.5*k*x^2 in J"
 twice = "2*x in um"
+push = "force_per_volt*drive - k*x in nN"
 [device.equations.noise]
 current = "1e-22[A^2]"
 v = "1e-10[m^2/s^3]"
@@ -49,6 +50,7 @@ method = "ekf"
 start = { x = "0 um", v = "0 m/s" }
 start_sd = { x = "1 um", v = "5 mm/s" }
 smooth = true
+smooth_lag = "0.4 ms"
 [[estimate.filter]]
 name = "Stray"
 method = "ekf"
@@ -81,7 +83,7 @@ fn a_simulated_signal_has_the_rate_of_the_drive_and_the_truth_the_quantities() {
     let text = format!("{}{SINE}", PLATE.replace("seed = 1\n", "seed = 1\nnoise = false\n"));
     let rows = Rows::of(&text, Path::new("nowhere"));
     for (time_s, recorded, truth) in &rows.samples {
-        let ([drive, current], [x, v, energy, twice]) =
+        let ([drive, current], [x, v, energy, twice, push]) =
             (recorded[..].try_into().unwrap(), truth[..].try_into().unwrap());
         let (sine, cosine) = (TAU * 900.0 * time_s).sin_cos();
         assert!((drive - 1.0 - 3.0 * sine).abs() < 1e-9, "{drive}");
@@ -95,6 +97,7 @@ fn a_simulated_signal_has_the_rate_of_the_drive_and_the_truth_the_quantities() {
             (energy - stored).abs() <= 1e-12 * stored && twice == 2.0 * x,
             "{energy:e} {stored:e} {twice} {x}"
         );
+        assert!((push - (2e-9 * drive - 0.039_478_417_6 * x)).abs() < 1e-22, "{push:e}");
     }
 }
 
@@ -118,14 +121,21 @@ fn what_the_rate_of_the_drive_makes_of_the_signal_is_known_to_a_filter() {
 #[test]
 fn quantities_follow_from_the_states_with_their_uncertainty() {
     let outcome = outcome(&format!("{PLATE}{SINE}"));
+    let keys = outcome.recordings[0].segments[0].estimate.trajectories.iter().map(|found| &*found.key);
+    assert_eq!(keys.collect::<Vec<_>>(), ["ekf", "ekf_smoothed", "ekf_lagged", "stray"]);
     for trajectory in &outcome.recordings[0].segments[0].estimate.trajectories {
         let of = |name: &str| trajectory.state(name).unwrap();
-        let (x, v, twice, energy) = (of("x"), of("v"), of("twice"), of("energy"));
+        let (x, v, twice, energy, push) = (of("x"), of("v"), of("twice"), of("energy"), of("push"));
         assert_eq!((twice.unit, energy.unit), ("m", "J"));
         for k in 1000..x.mean.len() {
             assert!(
                 (twice.mean[k] - 2.0 * x.mean[k]).abs() < 1e-20 && (twice.sd[k] / x.sd[k] - 2.0).abs() < 1e-9
             );
+            // The drive of its own sample, which nothing is uncertain of.
+            let drive = 1.0 + 3.0 * (TAU * 900.0 * trajectory.time_s[k]).sin();
+            let force = 2e-9 * drive - 0.039_478_417_6 * x.mean[k];
+            assert!((push.mean[k] - force).abs() < 1e-16, "{}: {} {force}", trajectory.key, push.mean[k]);
+            assert!((push.sd[k] / x.sd[k] / 0.039_478_417_6 - 1.0).abs() < 1e-9);
             let (force, momentum) = (0.039_478_417_6 * x.mean[k], 1e-9 * v.mean[k]);
             let stored = 0.5 * (force * x.mean[k] + momentum * v.mean[k]);
             assert!((energy.mean[k] - stored).abs() < 1e-9 * stored);
@@ -140,8 +150,10 @@ fn quantities_follow_from_the_states_with_their_uncertainty() {
         }
     }
     // The truth of the simulation knows them, so that their errors are judged.
-    let errors = outcome.recordings[0].segments[0].values[0].get("energy").unwrap();
-    assert!(errors.within_three_sigma.is_some_and(|share| share > 0.97), "{errors:?}");
+    for name in ["energy", "push"] {
+        let errors = outcome.recordings[0].segments[0].values[0].get(name).unwrap();
+        assert!(errors.within_three_sigma.is_some_and(|share| share > 0.97), "{name}: {errors:?}");
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Devices that an experiment file describes by equations, and numbers that are uncertain.
 
+mod contacts;
 mod equations;
 mod events;
 mod example_devices;

@@ -150,6 +150,53 @@ start_sd = { T = "1 K", on = "0" }
     }
 }
 
+#[test]
+fn a_load_follows_its_motor_with_backlash() {
+    // The load stands until the motor has gone through the play on either side, and goes with it then.
+    let text = r#"
+name = "gear"
+[device.equations]
+states = { motor = "mm", rate = "mm/s", load = "mm", engaged = "1" }
+derivative = { motor = "rate", rate = "-w^2*motor", load = "engaged*rate", engaged = "0" }
+parameters = { w = "100 1/s", play = "0.3 mm" }
+measure = { encoder = "load in mm" }
+noise = { encoder = "1e-12[m^2]" }
+[device.equations.when]
+pushed_up = { rises = "(1 - engaged)*(motor - load - play)", set = { engaged = "1" } }
+pushed_down = { falls = "(1 - engaged)*(motor - load + play)", set = { engaged = "1" } }
+turns = { crosses = "rate", set = { engaged = "0" } }
+[simulate]
+duration = "0.3 s"
+sampling_rate = "1 kHz"
+integration_rate = "10 kHz"
+noise = false
+seed = 1
+start = { motor = "0 mm", rate = "100 mm/s", load = "0 mm", engaged = "0" }
+[simulate.drive.inputs]
+[estimate]
+skip = "0 s"
+[[estimate.filter]]
+name = "EKF"
+method = "ekf"
+start = { motor = "0 mm", rate = "100 mm/s", load = "0 mm", engaged = "0" }
+start_sd = { motor = "1 um", rate = "0.1 mm/s", load = "1 um" }
+"#;
+    let (.., all) = recorded(text);
+    let (time, load) = (all.true_columns().swap_remove(0).1, truth(&all, "load_m"));
+    // The play operator: never farther from the motor than the play.
+    let mut wanted = 0.0;
+    let mut before_s = 0.0;
+    for (t, found) in time.iter().zip(&load) {
+        for part in 1..=2000 {
+            let at = before_s + (t - before_s) * f64::from(part) / 2000.0;
+            let motor = 1e-3 * (100.0 * at).sin();
+            wanted = f64::clamp(wanted, motor - 3e-4, motor + 3e-4);
+        }
+        before_s = *t;
+        assert!((wanted - found).abs() < 1e-9, "{t}: {found} {wanted}");
+    }
+}
+
 /// The mean square of errors over claims of both states behind the settling time.
 fn normalized(trajectory: &Trajectory, all: &ComputedRecording) -> f64 {
     let (mut sum, mut count) = (0.0, 0);

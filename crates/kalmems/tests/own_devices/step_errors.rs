@@ -609,6 +609,46 @@ fn the_steps_of_a_scanner_are_off_by_a_small_part_of_its_claim() {
     within("scanner at 64", &scanner(64.0, 1e4, Between::Straight), 40_000, &[(1, 0.002)]);
 }
 
+/// The stiffness at which the innovations of filters of one step and of 16 are likeliest, as a deviation from the true one in parts, with its
+/// standard error.
+fn likeliest_stiffness(per_cycle: f64, samples: usize) -> [[f64; 2]; 2] {
+    let folder = tempfile::tempdir().unwrap();
+    let device = || scanner(per_cycle, 1e4, Between::Straight);
+    device().record(folder.path(), samples, 1);
+    let log_likelihoods = |deviation: f64| {
+        let stiffness = format!("k = \"{:.17e} N m/rad\"", 1.1e-4 * (1.0 + deviation));
+        let text = device().text.replace("k = \"1.1e-4 N m/rad\"", &stiffness);
+        let experiment = Device { text, ..device() }.experiment(folder.path(), &["steps = 1", "steps = 16"]);
+        let outcome = workflow::estimate(published(), &experiment, &Silent).unwrap();
+        let of = |filter: usize| -> f64 {
+            let trajectory = &outcome.recordings[0].segments[0].estimate.trajectories[filter];
+            trajectory.log_likelihood.iter().filter(|value| value.is_finite()).sum()
+        };
+        [of(0), of(1)]
+    };
+    let (mut width, mut found) = (1e-5, [[0.0; 2]; 2]);
+    for _ in 0..2 {
+        let [low, middle, high] = [-width, 0.0, width].map(log_likelihoods);
+        found = [0, 1].map(|filter| {
+            let curvature = (low[filter] - 2.0 * middle[filter] + high[filter]) / (width * width);
+            [(low[filter] - high[filter]) / (2.0 * width * curvature), (-curvature).sqrt().recip()]
+        });
+        // Nearer to a parabola.
+        width = found[1][1];
+    }
+    found
+}
+
+#[test]
+fn a_stiffness_by_likelihood_is_that_of_converged_steps() {
+    for (per_cycle, samples) in [(26.0, 15_000), (32.0, 20_000), (64.0, 40_000)] {
+        let [[one, _], [converged, error]] = likeliest_stiffness(per_cycle, samples);
+        println!("{per_cycle}: {:.3} and {:.3} standard errors off", one / error, converged / error);
+        assert!((one - converged).abs() < 0.06 * error, "{per_cycle}: {one:e} {converged:e} ± {error:e}");
+        assert!(converged.abs() < 4.0 * error, "{per_cycle}: {converged:e} ± {error:e}");
+    }
+}
+
 #[test]
 fn the_watch_tells_how_large_the_error_of_a_step_is() {
     let each = |between| [10.0, 14.0, 20.0, 26.0].map(|per_cycle| (per_cycle, between));

@@ -1,0 +1,142 @@
+//! A switch that pulls in, hits its contact and bounces: kinks and jumps of a force are passed at their own times.
+//!
+//! Recordings are simulated here, in a hundred classical Runge–Kutta steps of a sample.
+
+use kalmems::config::Experiment;
+use kalmems::progress::Silent;
+use kalmems::results::Metrics;
+use kalmems::rigs::published;
+use kalmems::simulate::WhiteNoise;
+use kalmems::workflow;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// A contact whose force is linear, with a damping that begins at once.
+#[derive(Clone, Copy)]
+struct Contact {
+    damping: f64,
+}
+
+const MASS: f64 = 2e-10;
+const W: f64 = 251_327.412;
+const STOP: f64 = 1.2e-6;
+const EPS_AREA: f64 = 8.854e-12 * 2e-8;
+const INTERVAL_S: f64 = 5e-7;
+const SUBSTEPS: usize = 100;
+const SAMPLE_SD: f64 = 3e-16;
+const DENSITY: f64 = 1e-3;
+
+impl Contact {
+    /// The rate of the speed.
+    fn rate(self, [x, v]: [f64; 2], volts: f64) -> f64 {
+        let depth = x - STOP;
+        let force = if depth > 0.0 { 8000.0 * depth + self.damping * v } else { 0.0 };
+        let gap = 2e-6 - x;
+        -W / 3.0 * v - W * W * x + EPS_AREA * volts * volts / (2.0 * MASS * gap * gap) - force / MASS
+    }
+
+    /// One step of length h in s.
+    fn step(self, x: [f64; 2], volts: f64, h: f64) -> [f64; 2] {
+        let stage = |k: [f64; 2], h: f64| {
+            let at = [x[0] + h * k[0], x[1] + h * k[1]];
+            [at[1], self.rate(at, volts)]
+        };
+        let k1 = stage([0.0; 2], 0.0);
+        let k2 = stage(k1, 0.5 * h);
+        let k3 = stage(k2, 0.5 * h);
+        let k4 = stage(k3, h);
+        [0, 1].map(|i| x[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]))
+    }
+
+    /// A text with filters, each by lines of its own.
+    fn experiment(self, folder: &Path, methods: &[&str]) -> Experiment {
+        let mut text = format!(
+            r#"
+name = "contact"
+[device.equations]
+states = {{ x = "m", v = "m/s" }}
+inputs = {{ drive = "V" }}
+interpolation = "hold"
+let = {{ contact = "if(x > gc, kc*(x - gc) + bc*v, 0[N])" }}
+derivative = {{ x = "v", v = "-w/Q*v - w^2*x + eps*A*drive^2/(2*m*(g - x)^2) - contact/m" }}
+measure = {{ cap = "eps*A/(g - x) in F" }}
+noise = {{ cap = "9e-32[F^2]", v = "1e-3[m^2/s^3]" }}
+parameters = {{ m = "2e-10 kg", w = "251327.412 rad/s", Q = "3", g = "2 um", A = "2e-8 m^2", eps = "8.854e-12 F/m", kc = "8000 N/m", bc = "{:e} N s/m", gc = "1.2 um" }}
+[[recording]]
+role = "test"
+file = "recording.csv"
+clock = {{ column = "time_s" }}
+channels = {{ drive = "drive_V", cap = "cap_fF" }}
+reference = {{ file = "reference.csv", channels = {{ x = "x_m", v = "v_m_per_s" }} }}
+[estimate]
+skip = "20 us"
+check_numbers = false
+"#,
+            self.damping
+        );
+        for method in methods {
+            write!(
+                text,
+                "[[estimate.filter]]\nname = \"{method}\"\nmethod = \"{method}\"\nstart = {{}}\nstart_sd = {{ x = \"1 nm\", v = \"1 mm/s\" }}\n"
+            )
+            .unwrap();
+        }
+        published().parse(&text, &folder.join("experiment.toml")).unwrap_or_else(|why| panic!("{why}"))
+    }
+
+    /// Writes a recording with its reference.
+    fn record(self, folder: &Path, samples: usize, seed: u64) {
+        let (mut of_rate, mut of_sample) = (WhiteNoise::new(seed, 1), WhiteNoise::new(seed, 2));
+        let mut recording = String::from("time_s,drive_V,cap_fF\n");
+        let mut reference = String::from("time_s,x_m,v_m_per_s\n");
+        let mut x = [0.0; 2];
+        let h = INTERVAL_S / SUBSTEPS as f64;
+        for sample in 0..samples {
+            let (time_s, volts) = (sample as f64 * INTERVAL_S, volts(sample));
+            let signal = EPS_AREA / (2e-6 - x[0]) + SAMPLE_SD * of_sample.sample();
+            writeln!(recording, "{time_s:.7},{volts},{:e}", signal * 1e15).unwrap();
+            writeln!(reference, "{time_s:.7},{:e},{:e}", x[0], x[1]).unwrap();
+            for _ in 0..SUBSTEPS {
+                x = self.step(x, volts, h);
+                x[1] += (DENSITY * h).sqrt() * of_rate.sample();
+            }
+        }
+        std::fs::write(folder.join("recording.csv"), recording).unwrap();
+        std::fs::write(folder.join("reference.csv"), reference).unwrap();
+    }
+}
+
+/// 22 V for every other millisecond.
+fn volts(sample: usize) -> f64 {
+    if sample % 4000 < 2000 { 22.0 } else { 0.0 }
+}
+
+/// What the errors of filters of a contact are against their claims, and their mean NIS, over some seeds; the watch on their steps is within its
+/// limit.
+fn is_consistent(contact: Contact, methods: &[&str], largest_step_error: f64) {
+    let mut found_of = vec![(Vec::new(), 0.0); methods.len()];
+    for seed in 20..24 {
+        let folder = tempfile::tempdir().unwrap();
+        contact.record(folder.path(), 6000, seed);
+        let experiment = contact.experiment(folder.path(), methods);
+        let metrics = Metrics::of(&workflow::estimate(published(), &experiment, &Silent).unwrap());
+        for (place, found) in metrics.estimators().enumerate() {
+            let steps = found.step_errors.as_ref().unwrap();
+            println!("{}: watch {:.4}, {} unresolved", found.key, steps.error, found.counts.unresolved_kinks);
+            assert!(steps.error < largest_step_error, "{}: {steps:?}", found.key);
+            let (squares, nis) = &mut found_of[place];
+            squares.extend(found.values.values().filter_map(|of| Some(of.claim?.mean_square)));
+            *nis += found.consistency.as_ref().unwrap().mean_nis / 4.0;
+        }
+    }
+    for (squares, nis) in found_of {
+        let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+        println!("mean square {mean:.3} of {squares:?}, mean NIS {nis:.4}");
+        assert!((0.8..1.3).contains(&mean) && (0.97..1.03).contains(&nis), "{mean} {nis} {squares:?}");
+    }
+}
+
+#[test]
+fn a_contact_whose_force_jumps_is_passed_at_its_own_time() {
+    is_consistent(Contact { damping: 2e-4 }, &["ekf", "ukf"], 0.05);
+}
