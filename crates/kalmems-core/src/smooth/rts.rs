@@ -22,7 +22,8 @@ impl<T: Scalar, const N: usize> Smoothed<T, N> {
     /// [`FilterError::CovarianceNotPositive`] where it has a negative variance in some direction.
     #[inline(always)]
     pub fn newest(filtered: &Gaussian<T, N>) -> Result<Self, FilterError> {
-        let factors = Semidefinite::of(&filtered.covariance);
+        let covariance = &filtered.covariance;
+        let factors = Semidefinite::of(&floored(covariance, covariance, &[T::of(0.0); N]));
         let newest = Self { mean: filtered.mean, root: factors.root, sound: factors.sound };
         if newest.sound.any() { Ok(newest) } else { Err(FilterError::CovarianceNotPositive) }
     }
@@ -38,6 +39,23 @@ impl<T: Scalar, const N: usize> Smoothed<T, N> {
     pub fn gaussian(&self) -> Gaussian<T, N> {
         Gaussian { mean: self.mean, covariance: self.covariance() }
     }
+}
+
+/// A covariance with what the arithmetic adds to it: so small a part of these variances and of these means.
+#[inline(always)]
+fn floored<T: Scalar, const N: usize>(
+    covariance: &Covariance<T, N>,
+    variances: &Covariance<T, N>,
+    means: &[T; N],
+) -> Covariance<T, N> {
+    // Rounding that is accumulated over as many steps as a decay may take: 8192 units in the last place of f64, 54 of f32.
+    let rounding = epsilon::<T>().sqrt() * epsilon::<T>().sqrt().sqrt();
+    // As much as rounding leaves of a combination of N states that is known exactly.
+    let factored = epsilon::<T>() * T::of(2.0 * N as f64);
+    lower!(|i, j| {
+        let known = covariance.get(i, j);
+        if i == j { known + variances.get(i, i) * factored + (means[i] * rounding).sq() } else { known }
+    })
 }
 
 /// How an earlier state depends on a later one, given all measurements up to the earlier: one step of a
@@ -64,8 +82,9 @@ impl<T: Scalar, const N: usize> Smoothed<T, N> {
 /// 2008).
 ///
 /// Where a decaying state has no process noise, G = F⁻¹, and what rounding has left of s⁺ − p would grow backwards with e^{t/τ}. So P and Ω
-/// count as no smaller than the arithmetic of the means: a standard deviation of ε^¾ of the mean is added to each state. As soon as P
-/// falls below that, later samples tell no more of the earlier state.
+/// count as no smaller than the arithmetic of the means and of the covariance: a standard deviation of ε^¾ of the mean is added to each
+/// state, and 2·N·ε of its own variance, of P to P and of P⁺ to Ω. As soon as P falls below that in some direction, later samples tell no
+/// more of the earlier state there. A filter that has determined some combination of its states to the last digit is factored by it too.
 ///
 /// P, Ω and P⁺ may be singular, where no noise enters, a state is known exactly or a transition forgets one.
 /// G is then any solution of G·X = Y; which one does not matter, because s⁺ − p has no part outside the range
@@ -133,20 +152,13 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
         link: &StateTransition<T, N>,
         predicted: &[T; N],
     ) -> Result<Self, FilterError> {
-        // Rounding that is accumulated over as many steps as a decay may take: 8192 units in the last place of f64, 54 of f32.
-        let rounding = epsilon::<T>().sqrt() * epsilon::<T>().sqrt().sqrt();
         let reached: [T; N] = vector!(|i| {
             predicted[i].abs() + sum!(N, |k| (link.transition.0[i][k] * before.mean[k]).abs())
         });
-        let floored = |covariance: &Covariance<T, N>, size: &[T; N]| {
-            lower!(|i, j| {
-                let known = covariance.get(i, j);
-                if i == j { known + (size[i] * rounding).sq() } else { known }
-            })
-        };
         let magnitude: [T; N] = vector!(|i| before.mean[i].abs());
-        let state = Semidefinite::of(&floored(&before.covariance, &magnitude));
-        let noise = Semidefinite::of(&floored(&link.noise, &reached));
+        let moved = before.covariance.transformed(&link.transition);
+        let state = Semidefinite::of(&floored(&before.covariance, &before.covariance, &magnitude));
+        let noise = Semidefinite::of(&floored(&link.noise, &moved.plus(&link.noise), &reached));
         let mut below = [[state.root, Mat::zero()]];
         let (x, [y]) = reduced([link.transition.times(&state.root), noise.root], &mut below);
         let [[rest, noise_rest]] = below;
