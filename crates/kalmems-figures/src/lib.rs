@@ -24,6 +24,7 @@
 // Without the feature `draw` there are the data of figures, tables and pages alone; what only drawing asks of them is unused then.
 #![cfg_attr(not(feature = "draw"), allow(dead_code))]
 
+mod cell;
 mod decimate;
 #[cfg(feature = "draw")]
 mod drawing;
@@ -37,6 +38,7 @@ mod style;
 mod table;
 mod text;
 
+pub use cell::guarded;
 pub use decimate::{DecimatedSignal, Thinning, decimate, decimate_band, pairs, triples};
 #[cfg(feature = "draw")]
 pub use drawing::{ReportError, SamplesWriter, escaped, page_scripts};

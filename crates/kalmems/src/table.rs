@@ -2,7 +2,7 @@
 
 #[cfg(feature = "parquet-results")]
 use crate::parquet::{Cells, ParquetColumn, ParquetColumnKind, ParquetFile};
-use std::borrow::Cow;
+use kalmems_figures::guarded;
 use std::io::{self, Write};
 
 /// One row for each run, segment and estimator; one for a run without figures.
@@ -69,13 +69,6 @@ impl TidyTable {
     }
 }
 
-/// A cell as a spreadsheet shows it: text that would be a formula there, such as the name of a recording that somebody else chose, begins with an
-/// apostrophe.
-pub(crate) fn guarded(cell: &str) -> Cow<'_, str> {
-    let is_formula = cell.starts_with(['=', '+', '-', '@', '\t', '\r']) && cell.parse::<f64>().is_err();
-    if is_formula { Cow::Owned(format!("'{cell}")) } else { Cow::Borrowed(cell) }
-}
-
 /// A cell as a number. Words such as `infinity` are none.
 pub(crate) fn number(cell: &str) -> Option<f64> {
     let begins = cell.starts_with(|c: char| c.is_ascii_digit() || c == '-');
@@ -104,22 +97,6 @@ pub(crate) fn union<N: Into<String> + AsRef<str>>(rows: impl Iterator<Item = Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_cell_that_a_spreadsheet_would_compute_is_text() {
-        for (cell, shown) in [
-            ("=HYPERLINK(\"http://a\")", "'=HYPERLINK(\"http://a\")"),
-            ("@SUM(A1)", "'@SUM(A1)"),
-            ("+1+cmd|' /C calc'!A0", "'+1+cmd|' /C calc'!A0"),
-            ("-scan", "'-scan"),
-            ("-0.5", "-0.5"),
-            ("-inf", "-inf"),
-            ("+1e3", "+1e3"),
-            ("monday=1", "monday=1"),
-        ] {
-            assert_eq!(guarded(cell), shown);
-        }
-    }
 
     #[test]
     fn columns_keep_the_order_of_the_rows() {

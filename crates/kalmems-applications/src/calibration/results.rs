@@ -15,7 +15,7 @@ use kalmems_core::Portable;
 use kalmems_engines::topics::{explained, link};
 use kalmems_figures::{
     Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole,
-    TextTable,
+    TextTable, guarded,
 };
 use kalmems_store::{Output, RunInfo, RunTiming};
 use serde::Serialize;
@@ -907,7 +907,8 @@ fn records(results: &[CalibratedGyroscope], w: &mut dyn Write) -> io::Result<()>
                 r.deviation,
                 residual,
             ];
-            let words = [&result.condition, &result.reference, &r.record].map(Clone::clone);
+            let words =
+                [&result.condition, &result.reference, &r.record].map(|word| guarded(word).into_owned());
             let words = words.into_iter().chain([AXES[result.main].to_owned()]);
             table.write_record(words.chain(numbers.map(|number| format!("{number:e}"))))?;
         }

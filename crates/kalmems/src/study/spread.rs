@@ -1,7 +1,8 @@
 //! A figure of the results over the repeats of each point.
 
 use super::StudyPlan;
-use crate::table::{TidyTable, guarded, number};
+use crate::table::{TidyTable, number};
+use kalmems_figures::guarded;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 

@@ -159,6 +159,35 @@ fn the_thermal_mirror_is_followed_though_its_bridge_feels_the_temperature() {
     assert!(actuator < 0.1 && frame < 0.05, "{actuator} {frame}");
 }
 
+/// The actuator decays within 8 ms and nothing of it is random: over 1.2 s an inverse of its step would make 10⁶⁵ of what rounding leaves.
+#[test]
+fn the_thermal_mirror_is_smoothed_over_its_whole_recording() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/thermal_mirror/experiment.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let text = text
+        .replace("skip = \"300 ms\"", "skip = \"20 ms\"")
+        .replace("method = \"ekf\"", "method = \"ekf\"\nsmooth = true\nsmooth_lag = \"50 ms\"");
+    let metrics = metrics_of(&published().parse(&text, &path).unwrap());
+    let [filtered, smoothed, lagged] =
+        ["", "_smoothed", "_lagged"].map(|answer| of(&metrics, &format!("ekf_with_parameters{answer}")));
+    for answer in [smoothed, lagged] {
+        assert!(answer.failure.is_none(), "{}: {:?}", answer.key, answer.failure);
+        for state in ["angle", "T_actuator", "T_frame"] {
+            println!(
+                "{} {state}: {:e}, filtered {:e}",
+                answer.key,
+                rmse(answer, state),
+                rmse(filtered, state)
+            );
+            // Of a temperature there is about one independent error: one in a hundred of its squares is above 6.6.
+            let claim = answer.values[state].claim.unwrap();
+            assert!(claim.mean_square < 6.6, "{} {state}: {claim:?}", answer.key);
+        }
+    }
+    assert!(rmse(smoothed, "angle") < 0.4 * rmse(filtered, "angle"));
+    assert!(rmse(lagged, "angle") < rmse(filtered, "angle"));
+}
+
 /// What `kalmems identify` does with an example: every parameter that its `[identify]` names is found from the recording alone, within
 /// three and a half of its standard errors (of 23 numbers one is further away by chance once in a hundred times) and five times
 /// better than it was known before; and with the numbers that are found the filter without parameters as states passes, which it did not before.
