@@ -21,7 +21,7 @@ use std::f64::consts::TAU;
 #[derive(Clone, Copy, Debug)]
 struct PhaseLock<const N: usize> {
     lock: FixedGain<f64, N, 3>,
-    roles: Told<N>,
+    roles: ToldStates<N>,
     inverse: Mat<f64, 3, 3>,
     transition: Mat<f64, N, N>,
     noise: Covariance<f64, N>,
@@ -29,9 +29,9 @@ struct PhaseLock<const N: usize> {
 
 /// The three states that a sample tells, as a measurement.
 #[derive(Clone, Copy, Debug)]
-struct Told<const N: usize>([usize; 3]);
+struct ToldStates<const N: usize>([usize; 3]);
 
-impl<const N: usize> NumericMeasurement<f64, N, 3> for Told<N> {
+impl<const N: usize> NumericMeasurement<f64, N, 3> for ToldStates<N> {
     fn expected(&self, x: &[f64; N]) -> [f64; 3] {
         self.0.map(|state| x[state])
     }
@@ -90,7 +90,7 @@ impl<const N: usize> PhaseLock<N> {
             |from: &[f64]| -> [f64; N] { std::array::from_fn(|i| from.get(i).copied().unwrap_or(f64::NAN)) };
         let (mean, at) = (numbers(&start.mean), numbers(&of.at));
         let [amplitude, frequency, phase, rest] = of.roles;
-        let roles = Told([amplitude, phase, rest]);
+        let roles = ToldStates([amplitude, phase, rest]);
         let together = slopes_together(sensor, at, &roles, phase);
         let Some(lu) = Lu::of(&together) else {
             return Err("the signal does not tell amplitude, phase and rest position apart".to_owned());
@@ -132,7 +132,7 @@ impl<const N: usize> PhaseLock<N> {
 fn slopes_together<const N: usize>(
     sensor: &dyn Sensor,
     mean: [f64; N],
-    roles: &Told<N>,
+    roles: &ToldStates<N>,
     phase: usize,
 ) -> Mat<f64, 3, 3> {
     let mut together = Mat::<f64, 3, 3>::zero();
@@ -179,7 +179,7 @@ fn continuous<const N: usize>(
 /// another state moves it.
 fn placed<const N: usize>(
     point: &OperatingPoint<f64, N, 3>,
-    roles: &Told<N>,
+    roles: &ToldStates<N>,
     (corner, interval_s): (f64, f64),
 ) -> Result<Mat<f64, N, 3>, String> {
     let poles: Vec<Pole<f64>> = butterworth(2, corner).map(|pole| pole.sampled(interval_s)).collect();

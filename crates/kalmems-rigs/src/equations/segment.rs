@@ -8,7 +8,7 @@ use super::names;
 use super::phase_lock::{LoopOf, phase_lock};
 use super::range::RangeTally;
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
-use super::sine::SineMotion;
+use super::sine::QuantitySine;
 use super::start::{most_rows, rows_before, start_of};
 use super::table::refused;
 use crate::Estimator;
@@ -150,7 +150,7 @@ impl Estimator for EquationEstimator<'_> {
         let mut again = again.map(|prior| rows_before((own, &prior), interval_s)).fold(0, usize::max);
         if self.settings.sine.is_some() {
             (rows, again) =
-                (SineMotion::head_rows(self.settings.skip_s, interval_s), SineMotion::ROWS_BEFORE);
+                (QuantitySine::head_rows(self.settings.skip_s, interval_s), QuantitySine::ROWS_BEFORE);
         }
         // What follows from an input is said of a sample once a smoother has waited for the later ones.
         let lags = self.settings.filters.iter().filter_map(|filter| filter.basics.lag_samples(interval_s));
@@ -326,7 +326,7 @@ pub struct EquationFilterTask<'a> {
     /// The device.
     pub own: &'a OwnDevice,
     /// The sine that its motion is, where it is one.
-    pub sine: Option<&'a SineMotion>,
+    pub sine: Option<&'a QuantitySine>,
     /// How long it has to settle, in s.
     pub skip_s: f64,
     /// What the file says of the filter.

@@ -7,7 +7,7 @@ use super::model::{EquationModel, RateDensity, StepRule, noises, pace};
 use super::names;
 use super::oscillation::MeasuredOscillation;
 use super::range::{QuantityRange, ranges};
-use super::sine::SineMotion;
+use super::sine::QuantitySine;
 use super::table::{EquationsTable, refused};
 use crate::config::{
     ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, FilterTable, Key, Method,
@@ -188,7 +188,7 @@ pub struct EquationSettings {
     /// How long the filters have to settle, in s.
     pub skip_s: f64,
     /// The sine that its motion is, where its table says so.
-    pub sine: Option<SineMotion>,
+    pub sine: Option<QuantitySine>,
     /// The events whose times are looked for.
     pub events: Vec<EventSettings>,
     /// The filters.
@@ -241,7 +241,7 @@ impl EquationSettings {
             return Err(experiment.error("estimate.events", ConfigFault::Value { why }));
         }
         let (table, _) = EquationsTable::of(experiment)?;
-        let sine = SineMotion::of(&own, &table).map_err(|(key, why)| {
+        let sine = QuantitySine::of(&own, &table).map_err(|(key, why)| {
             experiment.error(Key::from("device.equations.sine").child(key), ConfigFault::Value { why })
         })?;
         let of =
@@ -281,7 +281,7 @@ impl EquationFilterSettings {
     fn of(
         experiment: &Experiment,
         estimate: &Estimate,
-        (own, events, sine): (&OwnDevice, &[EventSettings], Option<&SineMotion>),
+        (own, events, sine): (&OwnDevice, &[EventSettings], Option<&QuantitySine>),
         index: usize,
     ) -> Result<Self, ConfigError> {
         let (device, filter) = (&own.device, &estimate.filters[index]);
@@ -309,7 +309,7 @@ impl EquationFilterSettings {
         let density = some(experiment, &noise_key, noise, &names::densities(device))?;
         let is_moved = |state: &usize| density[*state].is_some() || sd[*state].is_some();
         let held: Vec<usize> = sine
-            .map_or(&[][..], SineMotion::held)
+            .map_or(&[][..], QuantitySine::held)
             .iter()
             .copied()
             .filter(|state| claims && !is_moved(state))

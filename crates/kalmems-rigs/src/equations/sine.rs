@@ -55,7 +55,7 @@ pub struct SineTable {
 }
 
 /// The same of a device, by places.
-pub struct SineMotion {
+pub struct QuantitySine {
     /// The quantity, and its rate.
     quantities: [Option<usize>; 2],
     /// The states that are amplitude, frequency, phase and rest.
@@ -84,7 +84,7 @@ const SCORED_CYCLES: f64 = 10.0;
 /// samples varies by 7 %, a start that is none leaves thousands.
 const POOR: f64 = 4.0;
 
-impl SineMotion {
+impl QuantitySine {
     /// Of a device, where its table has one; what is wrong with it comes back with its key below the device's table.
     pub fn of(own: &OwnDevice, table: &EquationsTable) -> Result<Option<Self>, (&'static str, String)> {
         let Some(sine) = &table.sine else { return Ok(None) };
@@ -239,7 +239,7 @@ impl FoundSine {
     }
 }
 
-impl SineMotion {
+impl QuantitySine {
     /// The sine in the first of these rows, which grow until they hold six cycles; with a trigger's frequency in Hz where there is one.
     pub fn find(
         &self,
@@ -310,7 +310,7 @@ impl SineMotion {
 
 impl EquationFilterTask<'_> {
     /// What is sought where a sine is known nearly.
-    fn near(&self, sine: &SineMotion, found: &FoundSine, mut prior: Vec<StatePrior>) -> StartSearch {
+    fn near(&self, sine: &QuantitySine, found: &FoundSine, mut prior: Vec<StatePrior>) -> StartSearch {
         let amplitude = found.of_roles[0];
         if let Some(rate) =
             sine.amplitude_rate.and_then(|rate| prior.get_mut(rate)).filter(|rate| rate.sd.is_none())
@@ -328,7 +328,7 @@ impl EquationFilterTask<'_> {
     /// The start of one of the filter's models from the signal.
     pub fn start_of_sine(
         &self,
-        sine: &SineMotion,
+        sine: &QuantitySine,
         (model, channels, steps): (&EquationModel, &[usize], usize),
     ) -> Result<Option<BatchStart>, EstimateError> {
         let Some(prior) = self.filter.prior(self.own) else { return Ok(None) };
@@ -388,7 +388,7 @@ impl EquationFilterTask<'_> {
     }
 
     /// The first of these channels that reads the quantity: its measurement with the standard deviation of its noise, and its samples.
-    fn channel_of(&self, sine: &SineMotion, channels: &[usize]) -> Option<((usize, f64), &[f64])> {
+    fn channel_of(&self, sine: &QuantitySine, channels: &[usize]) -> Option<((usize, f64), &[f64])> {
         let mut known = channels.iter().filter_map(|place| self.data.channels.get(*place));
         let channel = known.find(|channel| sine.inverse(channel.measure).is_some())?;
         Some(((channel.measure, channel.variance.sqrt()), channel.signal))
@@ -397,12 +397,12 @@ impl EquationFilterTask<'_> {
     /// How a filter of a sine is started again where it has lost the signal.
     pub fn start_sine_again<'b>(
         &'b self,
-        sine: &'b SineMotion,
+        sine: &'b QuantitySine,
         (model, channels, steps): (&'b EquationModel, &'b [usize], usize),
     ) -> Option<StartAgain<'b>> {
         let basics = &self.filter.basics;
         let interval_s = self.data.samples.interval_s;
-        let rows = SineMotion::rows_again(self.data.motion.frequency_hz, interval_s);
+        let rows = QuantitySine::rows_again(self.data.motion.frequency_hz, interval_s);
         let rule = basics.reacquisition(self.data.motion.frequency_hz, self.data.start_s, rows)?;
         Some(StartAgain::by(rule, move |rows: Range<usize>, _| {
             let (measured, signal) = self.channel_of(sine, channels)?;
@@ -418,7 +418,7 @@ impl EquationFilterTask<'_> {
     /// Cycle by cycle of the motion a sine through what the samples mean.
     pub fn lock_in_of_sine(
         &self,
-        sine: &SineMotion,
+        sine: &QuantitySine,
         past: &mut FilterPast,
     ) -> Result<Trajectory, EstimateError> {
         let channels = self.channels();
@@ -466,7 +466,7 @@ pub fn cycle_s(experiment: &Experiment) -> Option<f64> {
     Some(stated.map_or(settling_s / GAP_CYCLES, f64::recip))
 }
 
-impl SineMotion {
+impl QuantitySine {
     /// How fast it moves: by a trigger, or else by the first samples, or else by what the file says of a start.
     pub fn motion(
         &self,
