@@ -362,7 +362,7 @@ fn a_full_disk_ends_a_stream_with_the_file_and_the_cause_whatever_is_written() {
             return;
         }
         if is_full {
-            fs::write(disk.join("ballast"), vec![0; 31 * 4096]).unwrap();
+            fs::write(disk.join("ballast"), vec![0; 32 * 4096]).unwrap();
         }
         let path = disk.join(name).to_str().unwrap().to_owned();
         let place = if option == "--to" { format!("mcap://{path}") } else { path.clone() };
