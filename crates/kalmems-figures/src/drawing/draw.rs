@@ -288,7 +288,8 @@ fn without_steps(run: &[[f64; 3]]) -> Vec<[f64; 3]> {
             }
         }
     }
-    points
+    // An edge that is straight from end to end is no step.
+    if points.len() < 2 { run.to_vec() } else { points }
 }
 
 fn points_of(marks: &[SceneMark]) -> impl Iterator<Item = &[f64; 2]> {
