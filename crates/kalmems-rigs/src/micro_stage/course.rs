@@ -36,7 +36,7 @@ pub struct StageCourse<'a, P: Plant> {
     /// The stage as each channel reads it; it moves as the first one says.
     plants: &'a [P],
     usual: P::Motion,
-    observer: Option<StageObserver>,
+    observer: Option<Box<StageObserver>>,
     /// Innovation and standard deviation of each channel after the first, at the last sample.
     further: Vec<[f64; 2]>,
 }
@@ -57,7 +57,7 @@ impl<'a, P: Plant> StageCourse<'a, P> {
 
     /// Likewise, where the step over the usual interval is that of an observer of the first channel.
     #[must_use]
-    pub fn observed_by(self, observer: Option<StageObserver>) -> Self {
+    pub fn observed_by(self, observer: Option<Box<StageObserver>>) -> Self {
         Self { observer, ..self }
     }
 }
@@ -99,7 +99,7 @@ impl<P: Plant> Course for StageCourse<'_, P> {
             let nodes = Nodes { start, middle: start.midpoint(end), end };
             return match &self.observer {
                 Some(observer) if self.signal()[to - 1].is_finite() => filter
-                    .predict(&ProcessTransition::new(observer, &(nodes.middle, [self.signal()[to - 1]]))),
+                    .predict(&ProcessTransition::new(&**observer, &(nodes.middle, [self.signal()[to - 1]]))),
                 _ => filter.predict(&plant.under(&self.usual, &nodes)),
             };
         }

@@ -144,7 +144,7 @@ impl StageFilterTask<'_> {
             let PlainModel { dynamics, readout, noise } = plants[0].0;
             let found = kalman_bucy((dynamics, readout), (&noise, first.noise_variance), interval_s, 0.0);
             let (observer, point) = found.map_err(|why| basics.no_gain(&why))?;
-            return self.follow(&plants, Some(observer), past, |left| {
+            return self.follow(&plants, Some(Box::new(observer)), past, |left| {
                 let mean = left.map_or_else(|| self.start(), Ok)?.gaussian::<2>().mean;
                 let none = ConstantGain::without_update(mean, &point);
                 Ok(AnyFilter::this(none.map_err(|why| basics.no_gain(&why))?))
@@ -167,7 +167,7 @@ impl StageFilterTask<'_> {
     fn follow<P: Plant>(
         &self,
         plants: &[P],
-        observer: Option<StageObserver>,
+        observer: Option<Box<StageObserver>>,
         past: &mut FilterPast,
         begin: impl FnOnce(Option<MeanAndCovariance>) -> Result<AnyFilter, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
