@@ -22,7 +22,7 @@ pub fn read(data: &[u8]) {
         let _ = notice.to_string();
     }
     let values = device.values();
-    let _ = device.noise(&values);
+    let _ = device.noise(&values, &vec![0.1; device.states().len()]);
     let _ = device.periods(&values);
     let _ = device.check_energy(&vec![0.1; device.states().len()], &vec![1.0; device.inputs().len()]);
     let inputs = vec![0.5; device.inputs().len()];
@@ -39,10 +39,10 @@ pub fn read(data: &[u8]) {
             *x = values[*index];
         }
         let steps = [&motion, &again].map(|motion| {
-            let mut work = motion.work(&values);
+            let (mut work, tables) = (motion.work(&values), motion.runge_kutta(1e-3));
             let (mut next, mut alone, mut jacobian) = (vec![0.0; n], vec![0.0; n], vec![0.0; n * n]);
-            motion.linearized_step(&mut work, &x, &nodes, 1e-3, &mut next, &mut jacobian);
-            motion.step(&mut work, &x, &nodes, 1e-3, &mut alone);
+            motion.linearized_step(&mut work, &x, &nodes, &tables, &mut next, &mut jacobian);
+            motion.step(&mut work, &x, &nodes, &tables, &mut alone);
             let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
             let is_number = next.iter().all(|x| !x.is_nan());
             assert!(!is_number || bits(&next) == bits(&alone));

@@ -89,7 +89,7 @@ impl EventSource {
     }
 }
 
-/// How a filter uses an event of the device: as the measurement that the event's expression was zero then.
+/// How a filter uses an event of the device: as the measurement that the event's expression was zero then, or another value.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EventUse {
@@ -103,6 +103,10 @@ pub struct EventUse {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"390 us")]
     pub lag: Option<Quantity<Time, NotNegative>>,
+    /// What the event's expression is at its time, in its unit; 0 if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"1 mrad")]
+    pub value: Option<AnyValue>,
     /// The standard deviation of the event's expression at its time, in its unit; if left out, what follows from the standard
     /// deviation of the time and the rate of the expression, and from the `noise` of the event.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -7,8 +7,10 @@ use crate::units::kind;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[allow(clippy::struct_excessive_bools)] // each is for keys of its own
 pub struct DeviceUses {
-    /// The keys about crossings of a threshold: `parts` and `crossings` of the estimate, `variant` and `threshold` of a filter.
+    /// The keys about crossings of a threshold: `crossings` of the estimate, `variant` and `threshold` of a filter.
     pub crossings: bool,
+    /// `parts` of the estimate: the device has an angle, whose errors are told in parts.
+    pub angles: bool,
     /// A filter's `signal_variance`.
     pub signal_variance: bool,
     /// A filter's `start_about`: its search for a start begins wherever the file says.
@@ -38,6 +40,10 @@ impl DeviceUses {
             |key: Key, why: &str| Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }));
         if let Some(key) = self.crossing_key(experiment) {
             return refuse(key, "it is for a device whose signal passes a threshold; leave it out");
+        }
+        if !self.angles && experiment.estimate.as_ref().is_some_and(|estimate| estimate.parts.is_some()) {
+            let why = "this device has no angle whose error could be told in parts; leave it out";
+            return refuse(Key::from("estimate.parts"), why);
         }
         if let Some(key) = self.event_key(experiment) {
             return refuse(
@@ -116,8 +122,7 @@ impl DeviceUses {
     fn crossing_key(self, experiment: &Experiment) -> Option<Key> {
         let estimate = experiment.estimate.as_ref().filter(|_| !self.crossings)?;
         let at = Key::from("estimate");
-        let of_all = [("parts", estimate.parts.is_some()), ("crossings", estimate.crossings.is_some())];
-        let of_all = of_all.into_iter().find(|(_, given)| *given).map(|(name, _)| at.clone().child(name));
+        let of_all = estimate.crossings.is_some().then(|| at.clone().child("crossings"));
         let of_filter = |(index, filter): (usize, &FilterTable)| {
             let given = [("variant", filter.variant.is_some()), ("threshold", filter.threshold.is_some())];
             let at = at.clone().child("filter").index(index);

@@ -35,7 +35,7 @@ pub fn published() -> &'static Workbench {
         Workbench::new()
             .with(shared_scanner::SharedScannerRig)
             .with(shared_scanner::two_axes::TwoAxesRig)
-            .with(threshold_scanner::ThresholdScannerRig)
+            .with(equations::PresetRig::<threshold_scanner::device::ThresholdScanner>::new())
             .with(micro_stage::MicroStageRig)
             .with(accelerometer::AccelerometerRig)
             .with(equations::PresetRig::<piston_mirror::device::PistonMirror>::new())

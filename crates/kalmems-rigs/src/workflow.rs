@@ -8,7 +8,7 @@ use crate::config::{self, ConfigError, ConfigFault, Experiment, Key};
 use crate::estimate::{EstimateError, SegmentEstimate, StretchSummary};
 use crate::evaluate::{
     ErrorsByState, Judgement, MotionErrors, ReferenceError, ReferenceRecording, SegmentJudge, ValueState,
-    evaluate_values,
+    evaluate_angles, evaluate_values,
 };
 use crate::progress::{Interruption, Progress, ReaderProgress};
 use crate::recording::{ReadError, SampledRecording};
@@ -162,8 +162,19 @@ pub fn estimate_computed(
     Ok(Outcome { experiment: experiment.clone(), rig: rig.name(), recordings: vec![outcome] })
 }
 
-/// Compares what the filters say with the reference, and judges their innovations: together with those of the parts before
-/// where a judge is given, with whether the segment ends here.
+/// A part of a segment, of which the parts before were judged.
+struct EvaluatedPart<'a> {
+    judge: &'a mut SegmentJudge,
+    /// Whether the segment begins and ends with it.
+    begins: bool,
+    ends: bool,
+}
+
+/// Said of a long recording.
+const PARTS_OF_WHAT: &str = "The errors in equal parts of the duration, `parts`, are not given of a recording that is taken in \
+                             parts: its duration is not known before its end.";
+
+/// Compares what the filters say with the reference, and judges their innovations: of a part together with those of the parts before.
 fn evaluate(
     (rig, experiment): (&dyn Rig, &Experiment),
     described: &config::Recording,
@@ -172,21 +183,27 @@ fn evaluate(
         (Vec<SegmentEstimate>, StretchSummary),
         Option<ReferenceRecording>,
     ),
-    mut judge: Option<(&mut SegmentJudge, bool)>,
+    mut part: Option<EvaluatedPart<'_>>,
     progress: &dyn Progress,
 ) -> Result<RecordingOutcome, WorkflowError> {
+    let is_whole = part.as_ref().is_none_or(|part| part.begins && part.ends);
+    let stated = experiment.estimate.as_ref().and_then(|estimate| estimate.parts);
+    let parts = stated.filter(|_| is_whole).unwrap_or(1);
     let samples =
         |estimate: &SegmentEstimate| estimate.trajectories.iter().map(|t| t.time_s.len()).sum::<usize>();
     let stop = Interruption::by(progress);
     progress.begin("evaluating", estimates.iter().map(samples).sum::<usize>() as u64);
     let mut segments = Vec::new();
-    for estimate in estimates {
+    for mut estimate in estimates {
+        if !is_whole && stated.is_some() {
+            estimate.remarks.push(PARTS_OF_WHAT.to_owned());
+        }
         let found = match &reference {
             Some(reference) => reference.angles_of(&estimate.segment)?,
             None => Vec::new(),
         };
         let judged = estimate.without_lost();
-        let errors = rig.evaluate(&judged, &found, &stop);
+        let errors = evaluate_angles(&judged, &found, parts, &stop);
         let known = match &reference {
             Some(reference) => reference.values_of(&estimate.segment)?,
             None => Vec::new(),
@@ -194,8 +211,8 @@ fn evaluate(
         let from_s = estimate.from_s();
         let values = judged.trajectories.iter().map(|t| evaluate_values(t, &known, from_s, &stop)).collect();
         let mut of_its_own = SegmentJudge::default();
-        let (judge, ends) = match &mut judge {
-            Some((judge, ends)) => (&mut **judge, *ends),
+        let (judge, ends) = match &mut part {
+            Some(part) => (&mut *part.judge, part.ends),
             None => (&mut of_its_own, true),
         };
         judge.take(&judged, &stop);

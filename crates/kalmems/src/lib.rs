@@ -6,7 +6,7 @@
 //! steps in order; each can be taken by itself:
 //!
 //! ```
-//! use kalmems::{progress::{Interruption, Silent}, evaluate::ReferenceRecording, recording::SampledRecording, rigs};
+//! use kalmems::{progress::{Interruption, Silent}, evaluate::{ReferenceRecording, evaluate_angles}, recording::SampledRecording, rigs};
 //! use std::{ops::ControlFlow, path::Path};
 //!
 //! # let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -22,7 +22,7 @@
 //!         // Only now is the reference opened.
 //!         let reference = ReferenceRecording::read(&experiment, (index, recording.origin()), &rig.reference(&experiment)?, &mut |_, _| ControlFlow::Continue(()))?;
 //!         let reference = reference.ok_or("no reference")?.segment(&estimate.segment.label)?;
-//!         for errors in rig.evaluate(&estimate, &reference, &Interruption::never()) {
+//!         for errors in evaluate_angles(&estimate, &reference, 1, &Interruption::never()) {
 //!             println!("angle RMSE {:?} deg", errors.map(|e| e.angle.rmse_deg));
 //!         }
 //!     }

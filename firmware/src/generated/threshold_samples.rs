@@ -2,7 +2,7 @@
 
 // Made by kalmems 0.1.0 with `kalmems export`; not to be edited.
 // Experiment `threshold_scanner`, sha256 d058834e39d7d1f1ca77fab91b398f706b0f1b3f922caae6d34f46076fc5c6fc, filter `Hybrid`.
-// Sampling interval 2.0000000000002655e-6 s, corrected by every sample.
+// Sampling interval 2.0000000000000486e-6 s, corrected by every sample.
 
 /// The drive in V at each sample.
 #[cfg_attr(target_os = "none", unsafe(link_section = ".table"))]

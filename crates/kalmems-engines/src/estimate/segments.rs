@@ -28,8 +28,6 @@ pub struct SegmentEstimate {
     pub other_axes: Vec<AngleAxis>,
     /// How long the filters have to settle, in s.
     pub skip_s: f64,
-    /// In how many parts of its duration it is judged beside the whole; 1 for the whole alone.
-    pub parts: u32,
     /// When an angle was passed or an event happened, as the recording itself shows it of these samples or some before them, in the
     /// order in which that became known; none of a device without a threshold or events.
     pub crossings: Vec<RecordedPassing>,
@@ -209,7 +207,6 @@ impl SignalSegment<'_> {
             motion,
             other_axes: Vec::new(),
             skip_s: self.skip_s,
-            parts: 1,
             crossings: Vec::new(),
             crossings_refused: 0,
             sign_is_hidden: false,

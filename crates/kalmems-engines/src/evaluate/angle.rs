@@ -1,7 +1,7 @@
 //! Errors of an angle that oscillates: in the angle, in its phase against the drive, in its amplitude.
 
 use super::{Claim, PartErrors, ReferenceLag, ReferenceMotion};
-use crate::estimate::{Trajectory, is_the_only_one};
+use crate::estimate::{SegmentEstimate, Trajectory, is_the_only_one};
 use crate::progress::Interruption;
 use crate::signal::{
     Extreme, GAP, Sine, extremes_of_angle, extremes_of_rate, fit_cycles_until, usual_interval,
@@ -108,6 +108,42 @@ pub struct PhasePoint {
     pub time_s: f64,
     /// Estimate minus reference, in degrees of the motion's cycle.
     pub error_deg: f64,
+}
+
+/// Compares each trajectory of a segment with the references, one per angle, and the first angle in so many equal parts of the duration beside
+/// the whole. `None` of one where nothing can be compared, as of a device without angles, and where the work is stopped.
+pub fn evaluate_angles(
+    estimate: &SegmentEstimate,
+    references: &[ReferenceMotion],
+    parts: u32,
+    stop: &Interruption,
+) -> Vec<Option<MotionErrors>> {
+    let from_s = estimate.from_s();
+    let time = &estimate.segment.time;
+    let end_s = time.at(time.len().saturating_sub(1)) + time.interval_s().unwrap_or(0.0);
+    let one = |trajectory: &Trajectory| {
+        let mut found = references.iter().filter_map(|reference| {
+            let other = estimate.other_axes.iter().find(|axis| axis.angle == reference.states[0]);
+            let (motion, drive) = other.map_or((estimate.motion, estimate.drive.as_ref()), |axis| {
+                (axis.motion, axis.drive.as_ref())
+            });
+            let extent = ComparisonExtent { from_s, motion_hz: motion.frequency_hz, drive };
+            let mut errors = evaluate_motion(trajectory, reference, extent, stop)?;
+            // Where the signal is that of the mirrored motion too, half a cycle and the other sign look the same.
+            if !estimate.sign_is_hidden {
+                errors.reference_lag =
+                    ReferenceLag::of(trajectory, reference, (from_s, motion.frequency_hz), stop);
+            }
+            Some(errors)
+        });
+        let mut first = found.next()?;
+        first.other_angles = found.collect();
+        if parts > 1 {
+            first.parts = first.error.parts(time.start_s(), end_s, parts);
+        }
+        Some(first)
+    };
+    estimate.trajectories.iter().map(one).collect()
 }
 
 /// Compares a trajectory with the reference. `None` where not one sample can be compared, and where the work is stopped.

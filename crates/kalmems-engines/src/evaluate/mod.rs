@@ -22,7 +22,8 @@ mod step_errors;
 mod value;
 
 pub use angle::{
-    AngleErrors, ComparisonExtent, ErrorSeries, MotionErrors, PhasePoint, evaluate_motion, mean_phase_shift,
+    AngleErrors, ComparisonExtent, ErrorSeries, MotionErrors, PhasePoint, evaluate_angles, evaluate_motion,
+    mean_phase_shift,
 };
 pub use beam::BeamPosition;
 pub use budget::{DeviceUncertainty, UncertaintyBudget};

@@ -9,6 +9,10 @@ use std::cmp::Ordering;
 /// How far an interval may be from the expected one, that of the nominal rate or the segment's median, as a part of it.
 pub const TIME_TOLERANCE: f64 = 0.01;
 
+/// Intervals of a segment's beginning whose median is the usual one: as many as a stream has at first, so that it is the same to the last bit wherever a
+/// recording is held or cut. Where stamps are rounded it is the mean of all there are.
+const USUAL_OVER: usize = 4095;
+
 /// How far a gap may be from a whole number of intervals, as a part of one interval.
 pub const GAP_TOLERANCE: f64 = 0.1;
 
@@ -130,10 +134,11 @@ impl TimeCheck {
     /// Finds the usual interval and judges all so far by it.
     fn settle(&mut self, times: &[f64], place: impl Fn(usize) -> FindingPlace, findings: &mut Findings) {
         let head = times.get(..self.head.min(times.len())).unwrap_or_default();
-        let mut positive: Vec<f64> =
+        let positive: Vec<f64> =
             steps(head, 0).map(|(_, (before, after))| after - before).filter(|i| *i > 0.0).collect();
         self.settled = true;
-        self.median = median(&mut positive);
+        let first = positive.get(..USUAL_OVER.min(positive.len())).unwrap_or_default();
+        self.median = median(&mut first.to_vec());
         if self.resolution_s == 0.0
             && let Some(rounding_s) = stamps::rounding_of(head)
         {

@@ -24,11 +24,11 @@ use crate::estimate::{
     DeviceParameter, EstimateError, Past, PastState, RowsAround, SegmentEstimate, SegmentPart, StretchJudge,
     StretchSummary, of_whole_segment,
 };
-use crate::evaluate::{Instruments, MotionErrors, ONE_ANGLE, ReferenceChannels, ReferenceMotion, ValueState};
+use crate::evaluate::{Instruments, ONE_ANGLE, ReferenceChannels, ValueState};
 use crate::export::{self, ExportError, ExportableFilter, Exported};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::progress::{Interruption, Progress};
+use crate::progress::Progress;
 use crate::recording::{Finding, RecordingLayout, SampledRecording, Segment};
 use crate::simulate::{SimulateError, Simulation};
 
@@ -68,7 +68,8 @@ pub trait Rig: Send + Sync {
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError>;
 
     /// The states that a reference may know, the name of an angle and that of its rate for each axis.
-    fn angles(&self) -> &'static [[&'static str; 2]] {
+    fn angles(&self, experiment: &Experiment) -> &'static [[&'static str; 2]] {
+        let _ = experiment;
         &ONE_ANGLE
     }
 
@@ -98,7 +99,7 @@ pub trait Rig: Send + Sync {
 
     /// What a reference of this device may know.
     fn reference(&self, experiment: &Experiment) -> Result<ReferenceChannels, ConfigError> {
-        let (angles, values) = (self.angles(), self.values(experiment));
+        let (angles, values) = (self.angles(experiment), self.values(experiment));
         Ok(ReferenceChannels { angles, values, instruments: self.instruments(experiment)? })
     }
 
@@ -236,18 +237,6 @@ pub trait Rig: Send + Sync {
     /// The simulation that the experiment's `[simulate]` describes, checked and ready to run.
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError>;
 
-    /// Compares each trajectory of a segment with the references, one per angle; `None` where nothing can be compared, or
-    /// the work is stopped before. None of a device without angles, which is judged by its [`values`](Self::values).
-    fn evaluate(
-        &self,
-        estimate: &SegmentEstimate,
-        references: &[ReferenceMotion],
-        stop: &Interruption,
-    ) -> Vec<Option<MotionErrors>> {
-        let _ = (references, stop);
-        vec![None; estimate.trajectories.len()]
-    }
-
     /// Identifies parameters of the device from the recordings that their roles say are for that.
     fn identify(
         &self,
@@ -275,17 +264,26 @@ pub trait Rig: Send + Sync {
         experiment: &Experiment,
         request: &export::ExportRequest,
     ) -> Result<Exported, ExportError> {
-        let place = export::place_of_filter(experiment, request)?;
-        let name = experiment.estimate.iter().flat_map(|estimate| &estimate.filters).nth(place);
-        let name = name.map(|filter| filter.name.to_string()).unwrap_or_default();
-        let (filter, columns) = self.exported(experiment, place)?;
-        let first_recording = || {
-            let Some(index) = self.wanted(experiment)?.first().copied() else { return Ok(None) };
-            let file = experiment.resolve(&experiment.recording(index)?.file);
-            Ok(Some((file, self.layout(experiment, index)?)))
-        };
-        export::export((experiment, request), (&*filter, name), &columns, first_recording)
+        export_of_rig(self, experiment, request)
     }
+}
+
+/// The source code of a filter that a rig exports by itself.
+pub fn export_of_rig(
+    rig: &(impl Rig + ?Sized),
+    experiment: &Experiment,
+    request: &export::ExportRequest,
+) -> Result<Exported, ExportError> {
+    let place = export::place_of_filter(experiment, request)?;
+    let name = experiment.estimate.iter().flat_map(|estimate| &estimate.filters).nth(place);
+    let name = name.map(|filter| filter.name.to_string()).unwrap_or_default();
+    let (filter, columns) = rig.exported(experiment, place)?;
+    let first_recording = || {
+        let Some(index) = rig.wanted(experiment)?.first().copied() else { return Ok(None) };
+        let file = experiment.resolve(&experiment.recording(index)?.file);
+        Ok(Some((file, rig.layout(experiment, index)?)))
+    };
+    export::export((experiment, request), (&*filter, name), &columns, first_recording)
 }
 
 /// Channels of a recording by their meanings.

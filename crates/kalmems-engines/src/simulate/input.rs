@@ -3,7 +3,8 @@
 use super::source::read;
 use super::{Drive, Interruptions, SimulateError, Tone};
 use crate::config::{
-    AnyValue, ConfigError, ConfigFault, Experiment, InputSource, Key, PowerCut, Quantity, Sign, Simulate,
+    AnyValue, CaptureDrive, ConfigError, ConfigFault, Experiment, InputSource, Key, PowerCut, Quantity, Sign,
+    Simulate,
 };
 use crate::recording::RecordingSource;
 use crate::units::Kind;
@@ -122,6 +123,25 @@ pub fn input_of(
         }
     };
     Ok(SimulatedInput { drive, source: None, before_s })
+}
+
+/// The drive that catches a resonance by a sweep and holds it there, until the recording begins and from then on.
+pub fn captured(capture: &CaptureDrive) -> SimulatedInput {
+    let half = 0.5 * capture.voltage.si();
+    let (sweep_s, before_s) = (capture.sweep.si(), capture.sweep.si() + capture.hold.si());
+    let sweep = Drive::Sweep {
+        offset: half,
+        amplitude: half,
+        from_hz: capture.from.si(),
+        to_hz: capture.to.si(),
+        duration_s: sweep_s,
+    };
+    let late = Drive::Late { drive: Box::new(sweep), by_s: -before_s };
+    let drive = match &capture.cut_off {
+        None => late,
+        Some(cut_off) => Drive::Interrupted { drive: Box::new(late), off: Interruptions::from(cut_off) },
+    };
+    SimulatedInput { drive, source: None, before_s }
 }
 
 /// Where in the file an input stands, and what its values are.

@@ -29,7 +29,7 @@ pub use computed_recording::{RECORDING, REFERENCE, described};
 pub use converter::Converter;
 pub use drive::{Drive, Interruptions, Tone, parts_of_all};
 pub use floquet::{floquet_exponent, monodromy};
-pub use input::{SimulatedInput, input_of};
+pub use input::{SimulatedInput, captured, input_of};
 pub use integration::IntegrationError;
 pub use noise::WhiteNoise;
 pub use recording::{Papers, RunFile, SimulateError, SimulatedColumn, SimulatedSample, Simulation};

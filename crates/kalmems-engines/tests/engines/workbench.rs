@@ -4,10 +4,9 @@ use kalmems_engines::config::kinds::{Frequency, Ratio};
 use kalmems_engines::config::{
     ConfigError, ConfigFault, DeviceDescription, DeviceKind, Experiment, Key, NotNegative, Positive, Quantity,
 };
-use kalmems_engines::estimate::{EstimateError, SegmentEstimate};
-use kalmems_engines::evaluate::{MotionErrors, ReferenceMotion};
+use kalmems_engines::estimate::EstimateError;
 use kalmems_engines::outlook::Outlook;
-use kalmems_engines::progress::{Interruption, Progress};
+use kalmems_engines::progress::Progress;
 use kalmems_engines::recording::RecordingLayout;
 use kalmems_engines::rig::{Estimator, Rig, Workbench};
 use kalmems_engines::simulate::{SimulateError, Simulation};
@@ -90,15 +89,6 @@ impl Rig for ForkRig {
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
         Err(Self::refused(experiment).into())
-    }
-
-    fn evaluate(
-        &self,
-        _: &SegmentEstimate,
-        _: &[ReferenceMotion],
-        _: &Interruption,
-    ) -> Vec<Option<MotionErrors>> {
-        Vec::new()
     }
 }
 

@@ -1,21 +1,22 @@
 //! The published device on the bench: free decays of it, recordings of them, and the filters at work.
 
 use super::failed;
-use crate::config::{ConfigError, CrossingTiming};
-use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{MotionRate, Past, Trajectory};
+use crate::config::{ConfigError, CrossingTiming, Experiment};
+use crate::estimate::Trajectory;
 use crate::program::ReproduceError;
 use crate::progress::Progress;
 use crate::signal::hermite;
 use crate::simulate::WhiteNoise;
 use kalmems_core::{Measurement, Process};
-use kalmems_rigs::crossings::{LevelCrossing, SearchedSignal, SignalRows, find as find_crossings};
-use kalmems_rigs::published;
-use kalmems_rigs::threshold_scanner::{
-    ThresholdFilterSettings, ThresholdHardware, ThresholdSamples, ThresholdScannerSettings, estimate_segment,
+use kalmems_engines::recording::RecordingFromRows;
+use kalmems_rigs::crossings::{
+    Acceptance, DetectorSettings, LevelCrossing, SearchedSignal, SignalRows, find as find_crossings,
 };
+use kalmems_rigs::published;
+use kalmems_rigs::threshold_scanner::ThresholdHardware;
 use std::f64::consts::TAU;
 use std::path::Path;
+use toml::{Table, Value};
 
 /// s between two samples of every recording here, but for the sweeps of the rate.
 pub const INTERVAL_S: f64 = 2e-6;
@@ -31,11 +32,27 @@ const ENDS_S: f64 = 0.4e-3;
 const SIGNAL_NOISE: u64 = 0;
 const START: u64 = 2;
 
+/// How far from the true state filters start: angle in rad and rate in rad/s, as the experiment states it.
+const START_SD: [f64; 2] = [5e-3, 20.0];
+
 /// The published device, and the filters that are compared.
 pub struct ThresholdBench {
     /// The device.
     pub device: ThresholdHardware,
-    settings: ThresholdScannerSettings,
+    detector: DetectorSettings,
+    document: Table,
+}
+
+/// Filters, what they are told of the device, and how crossings are found.
+#[derive(Clone)]
+pub struct ThresholdSettings {
+    /// The device as the filters know it.
+    pub device: ThresholdHardware,
+    /// How crossings are found.
+    pub detector: DetectorSettings,
+    /// The tables of the filters.
+    pub filters: Vec<Table>,
+    document: Table,
 }
 
 /// What the filters are told, where it is not the device.
@@ -59,26 +76,27 @@ impl ThresholdBench {
     /// Reads the experiment that stands beside this file.
     pub fn new() -> Result<Self, ReproduceError> {
         let wrong = |e: ConfigError| failed("the published device")(e.into());
-        let path = Path::new("threshold_scanner/device.toml");
-        let experiment = published().parse(include_str!("device.toml"), path).map_err(wrong)?;
-        let settings = ThresholdScannerSettings::of(&experiment).map_err(wrong)?;
-        Ok(Self { device: settings.hardware, settings })
+        let (text, path) = (include_str!("device.toml"), Path::new("threshold_scanner/device.toml"));
+        let experiment = published().parse(text, path).map_err(wrong)?;
+        let device = ThresholdHardware::of(&experiment).map_err(wrong)?;
+        let stated = experiment.estimate.as_ref().and_then(|estimate| estimate.crossings.as_ref());
+        let detector = stated.map(DetectorSettings::from);
+        let detector =
+            detector.ok_or_else(|| failed("the published device")("it finds no crossings".into()))?;
+        let document = text.parse().map_err(|e: toml::de::Error| failed("the published device")(e.into()))?;
+        Ok(Self { device, detector, document })
     }
 
     /// The filters of these names, told of this device.
-    pub fn settings_for(&self, device: ThresholdHardware, names: &[&str]) -> ThresholdScannerSettings {
-        let mut settings = self.settings.clone();
-        settings.hardware = device;
-        settings.filters.retain(|filter| names.contains(&filter.basics.name.as_str()));
-        settings
+    pub fn settings_for(&self, device: ThresholdHardware, names: &[&str]) -> ThresholdSettings {
+        let filters = self.document.get("estimate").and_then(|estimate| estimate.get("filter")?.as_array());
+        let filters = filters.into_iter().flatten().filter_map(Value::as_table);
+        let filters = filters.filter(|filter| names.contains(&name_of(filter))).cloned().collect();
+        ThresholdSettings { device, detector: self.detector, filters, document: self.document.clone() }
     }
 
     /// The filters of these names that believe this.
-    pub fn mismatched_settings(
-        &self,
-        belief: &ThresholdMismatch,
-        names: &[&str],
-    ) -> ThresholdScannerSettings {
+    pub fn mismatched_settings(&self, belief: &ThresholdMismatch, names: &[&str]) -> ThresholdSettings {
         let mut device = self.device;
         device.readout.comb.gain *= belief.gain;
         device.readout.comb.steepness *= belief.steepness;
@@ -87,13 +105,84 @@ impl ThresholdBench {
         device.mirror.resonator.natural_rate *= belief.natural;
         let mut settings = self.settings_for(device, names);
         for filter in &mut settings.filters {
-            filter.acceleration_density = belief.density;
-            if let Some(threshold) = &mut filter.threshold {
-                threshold.angle_sd = Some(belief.angle_sd);
+            set_density(filter, belief.density);
+            if let Some(threshold) = filter.get_mut("threshold").and_then(Value::as_table_mut) {
+                threshold.insert("angle_sd".to_owned(), format!("{:?} rad", belief.angle_sd).into());
             }
         }
         settings
     }
+}
+
+/// The name of a filter.
+pub fn name_of(filter: &Table) -> &str {
+    filter.get("name").and_then(Value::as_str).unwrap_or_default()
+}
+
+/// Gives a filter this density of the angular acceleration's noise in rad²/s³.
+pub fn set_density(filter: &mut Table, density: f64) {
+    let noise =
+        Table::from_iter([("angular_acceleration".to_owned(), format!("{density:?} rad^2/s^3").into())]);
+    filter.insert("process_noise".to_owned(), noise.into());
+}
+
+impl ThresholdSettings {
+    /// The experiment of filters that start at a state.
+    pub fn experiment(&self, start: [f64; 2]) -> Result<Experiment, ConfigError> {
+        let mut document = self.document.clone();
+        document.remove("simulate");
+        let ThresholdHardware { mirror, readout, noise_variance, .. } = &self.device;
+        let numbers = [
+            ("resonator", "natural_frequency", format!("{:?} Hz", self.device.natural_hz())),
+            ("resonator", "damping_ratio", format!("{:?}", mirror.resonator.damping_ratio)),
+            ("comb", "threshold_angle", format!("{:?} rad", readout.comb.centre)),
+            ("comb", "gain", format!("{:?} V s/rad", readout.comb.gain)),
+            ("comb", "steepness", format!("{:?} 1/rad", readout.comb.steepness)),
+            ("readout", "offset", format!("{:?} V", readout.offset)),
+            ("readout", "noise_variance", format!("{noise_variance:?} V^2")),
+        ];
+        for (table, key, number) in numbers {
+            set(&mut document, &["device", "threshold_scanner", table, key], number.into());
+        }
+        let detector = &self.detector;
+        let found = [("width", detector.width_s), ("separation", detector.separation_s)];
+        for (key, seconds) in found {
+            set(&mut document, &["estimate", "crossings", key], format!("{seconds:?} s").into());
+        }
+        if let Acceptance::Deviations(deviations) = detector.acceptance {
+            set(&mut document, &["estimate", "crossings", "threshold"], deviations.into());
+        }
+        let start = Table::from_iter([
+            ("angle".to_owned(), format!("{:?} rad", start[0]).into()),
+            ("rate".to_owned(), format!("{:?} rad/s", start[1]).into()),
+        ]);
+        let started = self.filters.iter().enumerate().map(|(place, filter)| {
+            let mut filter = filter.clone();
+            // Several may be one filter with other numbers.
+            filter.insert("name".to_owned(), format!("{place}").into());
+            filter.insert("start".to_owned(), start.clone().into());
+            Value::Table(filter)
+        });
+        set(&mut document, &["estimate", "filter"], Value::Array(started.collect()));
+        let recording = "role = \"test\"\nfile = \"recording.csv\"\nclock = { column = \"time_s\" }\nchannels = { drive = \
+                         \"drive_V\", signal = \"cap_V\" }";
+        let recording: Table = recording.parse().unwrap_or_default();
+        document.insert("recording".to_owned(), Value::Array(vec![recording.into()]));
+        let text = toml::to_string(&document).unwrap_or_default();
+        published().parse(&text, Path::new("threshold_scanner/device.toml"))
+    }
+}
+
+/// Sets a value below tables.
+fn set(document: &mut Table, keys: &[&str], value: Value) {
+    let Some((last, tables)) = keys.split_last() else { return };
+    let mut at = document;
+    for key in tables {
+        let below = at.entry((*key).to_owned()).or_insert_with(|| Table::new().into());
+        let Some(below) = below.as_table_mut() else { return };
+        at = below;
+    }
+    at.insert((*last).to_owned(), value);
 }
 
 /// A free decay, in closed form.
@@ -206,54 +295,60 @@ pub fn quarter(time_s: f64) -> usize {
 /// The crossings of a recorded signal, and what the filters make of it. `None` where the work was stopped, or the
 /// detector cannot be made.
 pub fn estimate(
-    settings: &ThresholdScannerSettings,
+    settings: &ThresholdSettings,
     decay: &ClosedFormDecay,
     signal: &[f64],
     seed: u64,
     progress: &dyn Progress,
 ) -> Option<(Vec<LevelCrossing>, Vec<Trajectory>)> {
     let crossings = crossings(settings, decay, signal)?;
-    let trajectories = follow(settings, decay, (signal, &crossings), seed, progress)?;
+    let trajectories = follow(settings, decay, signal, seed, progress)?;
     Some((crossings, trajectories))
 }
 
 /// The crossings of a recorded signal; `None` where the detector cannot be made.
 pub fn crossings(
-    settings: &ThresholdScannerSettings,
+    settings: &ThresholdSettings,
     decay: &ClosedFormDecay,
     signal: &[f64],
 ) -> Option<Vec<LevelCrossing>> {
-    let device = &settings.hardware;
+    let device = &settings.device;
     let rows = SignalRows { time_s: &decay.time_s, volts: signal, first: 0 };
     let samples = (INTERVAL_S, device.noise_variance, device.readout.offset);
     let sought = SearchedSignal::of_comb(samples, device.readout.comb, device.mirror.resonator);
-    find_crossings(rows, sought, settings.crossings.as_ref()?).ok()
+    find_crossings(rows, sought, &settings.detector).ok()
 }
 
-/// What the filters make of a recorded signal and these crossings; `None` where the work was stopped.
-pub fn follow(
-    settings: &ThresholdScannerSettings,
+/// What the filters make of a recorded signal, all from the same state, which is as far from the true one as they believe it to be; `None` where
+/// the work was stopped.
+fn follow(
+    settings: &ThresholdSettings,
     decay: &ClosedFormDecay,
-    (signal, crossings): (&[f64], &[LevelCrossing]),
+    signal: &[f64],
     seed: u64,
     progress: &dyn Progress,
 ) -> Option<Vec<Trajectory>> {
-    let off = vec![0.0; signal.len()];
-    let data = DrivenSegment::new(&decay.time_s, &off, signal, INTERVAL_S);
-    let mut settings = settings.clone();
-    start_near(&mut settings.filters, decay.states[0], seed);
-    let motion = MotionRate { frequency_hz: settings.hardware.natural_hz(), is_driven: false };
-    let samples = ThresholdSamples { data: &data, drive_slope: &off, crossings, first: 0, motion };
-    estimate_segment(&settings, samples, &mut Past::default(), "the bench", progress).ok()
-}
-
-/// All filters start from the same state, as far from the true one as they believe to be.
-fn start_near(filters: &mut [ThresholdFilterSettings], truth: [f64; 2], seed: u64) {
+    if settings.filters.is_empty() {
+        return Some(Vec::new());
+    }
     let mut noise = WhiteNoise::new(seed, START);
     let off = [noise.sample(), noise.sample()];
-    for filter in filters {
-        filter.start = std::array::from_fn(|i| truth[i] + off[i] * filter.start_sd[i]);
+    let start = std::array::from_fn(|i| decay.states[0][i] + off[i] * START_SD[i]);
+    let experiment = settings.experiment(start).ok()?;
+    let rig = published().rig(&experiment).ok()?;
+    let layout = rig.layout(&experiment, 0).ok()?;
+    let columns = ["time_s", "drive_V", "cap_V"];
+    let mut rows = RecordingFromRows::new("recording.csv", &columns, &layout).ok()?;
+    for (time_s, volts) in decay.time_s.iter().zip(signal) {
+        rows.push(&[*time_s, 0.0, *volts]);
     }
+    let recording = rows.finish().ok()?;
+    let mut trajectories =
+        rig.estimate(&experiment, 0, &recording, progress).ok()?.into_iter().next()?.trajectories;
+    for (trajectory, filter) in trajectories.iter_mut().zip(&settings.filters) {
+        name_of(filter).clone_into(&mut trajectory.name);
+    }
+    Some(trajectories)
 }
 
 /// The angles that a trajectory has.

@@ -1,12 +1,15 @@
 //! Detections as the filters are told of them: how certain they are, and those that are none, at random times.
 #![allow(clippy::cast_possible_truncation)] // seeds and places: small
 
-use super::bench::{ClosedFormDecay, INTERVAL_S, SAMPLES, ThresholdBench, crossings, errors, follow};
+use super::bench::{ClosedFormDecay, INTERVAL_S, SAMPLES, ThresholdBench, crossings, errors};
 use crate::config::CrossingTiming;
 use crate::progress::Silent;
-use kalmems_rigs::crossings::{CrossingReading, LevelCrossing};
+use kalmems_engines::recording::RecordingFromRows;
+use kalmems_rigs::published;
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
+use std::path::Path;
+use toml::{Table, Value};
 
 /// How many are made up.
 const FALSE: usize = 60;
@@ -23,24 +26,37 @@ fn harm(seed: u64) -> [DetectionEffect; 3] {
     let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(seed as usize));
     let signal = decay.recorded(bench.device.noise_variance.sqrt(), seed);
     let found = crossings(&settings, &decay, &signal).unwrap();
+    // A detection beside which the signal has no zero tells a filter nothing.
+    let zeros: Vec<_> =
+        found.iter().filter_map(|crossing| crossing.at(CrossingTiming::ZeroCrossing)).collect();
+    let variance = zeros.iter().map(|zero| zero.sd_s * zero.sd_s).sum::<f64>() / zeros.len() as f64;
+    let true_s: Vec<f64> = zeros.iter().map(|zero| zero.time_s).collect();
     let mut chance = Pcg64::new(seed.into(), 9);
-    let mut below = |count: usize| (chance.next_u64() % count as u64) as usize;
-    // Made of those that a filter is told: a detection beside which the signal has no zero tells it nothing.
-    let told: Vec<_> =
-        found.iter().filter(|crossing| crossing.at(CrossingTiming::ZeroCrossing).is_some()).collect();
-    let made_up = (0..FALSE).map(|_| {
-        let original = told[below(told.len())];
-        moved(original, below(SAMPLES - 1000))
-    });
-    let with_false: Vec<_> = made_up.chain(found.iter().copied()).collect();
-    let run = |told: &[_], gate_nis: f64| {
-        let mut settings = settings.clone();
-        for filter in &mut settings.filters {
-            filter.threshold.as_mut().unwrap().gate_nis = Some(gate_nis);
+    let mut with_false = true_s.clone();
+    while with_false.len() < true_s.len() + FALSE {
+        let time_s = ((chance.next_u64() % (SAMPLES as u64 - 1000)) as f64 + 0.5) * INTERVAL_S;
+        // A row tells of one event.
+        if with_false.iter().all(|other| (other - time_s).abs() > 2.0 * INTERVAL_S) {
+            with_false.push(time_s);
         }
-        follow(&settings, &decay, (&signal, told), seed, &Silent).unwrap()
+    }
+    let start = decay.states[0];
+    let run = |times_s: &[f64], gate: Option<f64>| {
+        let text = told(&bench, &settings.filters, (start, variance, gate));
+        let experiment = published().parse(&text, Path::new("told.toml")).unwrap();
+        let rig = published().rig(&experiment).unwrap();
+        let layout = rig.layout(&experiment, 0).unwrap();
+        let columns = ["time_s", "drive_V", "cap_V", "crossing_ago_s"];
+        let mut rows = RecordingFromRows::new("recording.csv", &columns, &layout).unwrap();
+        for (time_s, volts) in decay.time_s.iter().zip(&signal) {
+            let ago = times_s.iter().map(|event_s| time_s - event_s);
+            let ago = ago.clone().find(|ago_s| (0.0..INTERVAL_S).contains(ago_s)).unwrap_or(f64::NAN);
+            rows.push(&[*time_s, 0.0, *volts, ago]);
+        }
+        let recording = rows.finish().unwrap();
+        rig.estimate(&experiment, 0, &recording, &Silent).unwrap().remove(0).trajectories
     };
-    let runs = [run(&found, 16.0), run(&with_false, 16.0), run(&with_false, f64::INFINITY)];
+    let runs = [run(&true_s, Some(4.0)), run(&with_false, Some(4.0)), run(&with_false, None)];
     let counts = |i: usize, run: usize| {
         let counts = runs[run][i].counts;
         (counts.crossings, counts.crossings_refused)
@@ -50,18 +66,40 @@ fn harm(seed: u64) -> [DetectionEffect; 3] {
     })
 }
 
-/// A crossing as it would be at another sample.
-fn moved(crossing: &LevelCrossing, sample: usize) -> LevelCrossing {
-    let by_s = sample as f64 * INTERVAL_S - crossing.sample.time_s;
-    let moved = |instant: CrossingReading| CrossingReading { time_s: instant.time_s + by_s, ..instant };
-    LevelCrossing {
-        sample: moved(crossing.sample),
-        parabola: moved(crossing.parabola),
-        zero: crossing.zero.map(moved),
-        fallback: crossing.fallback.map(moved),
-        index: sample,
-        known_at: crossing.known_at - crossing.index + sample,
-    }
+/// The device as equations with these filters, which a channel tells of crossings, from a state on; `variance` is that of a time in s².
+fn told(
+    bench: &ThresholdBench,
+    filters: &[Table],
+    (start, variance, gate): ([f64; 2], f64, Option<f64>),
+) -> String {
+    let experiment = bench.settings_for(bench.device, &FILTERS).experiment(start).unwrap();
+    let equations = published().rig(&experiment).unwrap().expanded(&experiment).unwrap().text;
+    let equations =
+        equations.replace("crossing = \"1e-10[rad^2]\"", &format!("crossing = \"{variance:e}[s^2]\""));
+    let gate = gate.map_or_else(String::new, |gate| format!("gate = {gate:?}"));
+    let filters = filters.iter().map(|filter| {
+        let mut filter = filter.clone();
+        filter.remove("threshold");
+        let noise = filter.remove("process_noise");
+        let noise = noise.and_then(|noise| Some(noise.get("angular_acceleration")?.as_str()?.to_owned()));
+        let noise = noise.unwrap_or("1e3 rad^2/s^3".to_owned());
+        let start = format!("angle = \"{:?} rad\"\nrate = \"{:?} rad/s\"", start[0], start[1]);
+        for (key, text) in [("process_noise", format!("rate = \"{noise}\"")), ("start", start)] {
+            filter.insert(key.to_owned(), text.parse::<Table>().unwrap().into());
+        }
+        let events = format!("[crossing]\n{gate}").parse::<Table>().unwrap();
+        filter.insert("events".to_owned(), events.into());
+        Value::Table(filter)
+    });
+    let filters = Table::from_iter([("filter".to_owned(), Value::Array(filters.collect()))]);
+    let mut estimate: Table = "skip = \"0 s\"".parse().unwrap();
+    estimate.extend(filters);
+    let estimate = Table::from_iter([("estimate".to_owned(), Value::Table(estimate))]);
+    format!(
+        "name = \"told\"\n{equations}\n[[recording]]\nrole = \"test\"\nfile = \"recording.csv\"\nclock = {{ column = \"time_s\" \
+         }}\nchannels = {{ drive = \"drive_V\", signal = \"cap_V\", crossing = \"crossing_ago_s\" }}\n{}",
+        toml::to_string(&estimate).unwrap()
+    )
 }
 
 #[test]

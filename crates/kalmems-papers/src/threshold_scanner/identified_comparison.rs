@@ -1,6 +1,8 @@
 //! The comparison on equal terms: identified on some recordings, judged on others, chosen by their own likelihood.
 
-use super::bench::{ClosedFormDecay, INTERVAL_S, ThresholdBench, errors, estimate};
+use super::bench::{
+    ClosedFormDecay, INTERVAL_S, ThresholdBench, ThresholdSettings, errors, estimate, name_of, set_density,
+};
 use super::errors_table::PUBLISHED_LEVEL;
 use super::temperature::drifted;
 use crate::estimate::Trajectory;
@@ -12,9 +14,10 @@ use crate::progress::Silent;
 use crate::simulate::WhiteNoise;
 use kalmems_figures::significant;
 use kalmems_figures::{ColumnHead, TextTable};
+use kalmems_rigs::threshold_scanner::ThresholdHardware;
 use kalmems_rigs::threshold_scanner::identification::{DecayRecord as Record, fit_decay, unknown};
-use kalmems_rigs::threshold_scanner::{ThresholdFilterSettings, ThresholdHardware, ThresholdScannerSettings};
 use std::collections::BTreeMap;
+use toml::Table;
 
 /// The comparison.
 pub static HEAD: ItemHead = ItemHead {
@@ -125,17 +128,19 @@ fn likelihood(filter: &Trajectory) -> f64 {
 }
 
 /// The two that are compared with, once for each density.
-fn with_densities(mut settings: ThresholdScannerSettings) -> ThresholdScannerSettings {
-    let filters = std::mem::take(&mut settings.filters);
-    let each = |filter: ThresholdFilterSettings| -> Vec<ThresholdFilterSettings> {
-        if COMPARED.contains(&filter.basics.name.as_str()) {
-            let with = |density| ThresholdFilterSettings { acceleration_density: density, ..filter.clone() };
-            DENSITIES.into_iter().map(with).collect()
-        } else {
-            vec![filter]
+fn with_densities(mut settings: ThresholdSettings) -> ThresholdSettings {
+    let each = |filter: Table| -> Vec<Table> {
+        if !COMPARED.contains(&name_of(&filter)) {
+            return vec![filter];
         }
+        let with = |density| {
+            let mut filter = filter.clone();
+            set_density(&mut filter, density);
+            filter
+        };
+        DENSITIES.into_iter().map(with).collect()
     };
-    settings.filters = filters.into_iter().flat_map(each).collect();
+    settings.filters = settings.filters.into_iter().flat_map(each).collect();
     settings
 }
 

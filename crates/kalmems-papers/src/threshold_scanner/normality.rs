@@ -156,9 +156,7 @@ fn decays(work: &PartWork, bench: &ThresholdBench) -> Result<Item, ReproduceErro
     };
     let trials = batches * TRIALS as usize;
     let mut settings = bench.settings_for(bench.device, &[]);
-    if let Some(detector) = &mut settings.crossings {
-        detector.acceptance = Acceptance::Deviations(DEVIATIONS);
-    }
+    settings.detector.acceptance = Acceptance::Deviations(DEVIATIONS);
     let noise = bench.device.noise_variance.sqrt();
     let found = work.map("detections in decays", (trials, 40_000), |i, progress| {
         let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(i));

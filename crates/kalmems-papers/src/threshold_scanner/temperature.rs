@@ -1,6 +1,6 @@
 //! What thresholds are for: gain, gap and resonance drift, the angle of the threshold stays.
 
-use super::bench::{ClosedFormDecay, ThresholdBench, errors, estimate};
+use super::bench::{ClosedFormDecay, ThresholdBench, errors, estimate, name_of};
 use crate::program::significance::SignTest;
 use crate::program::{
     Check, Effort, Item, ItemHead, ItemKind, PaperPlace, PartWork, ReproduceError, SeedSpread, ValueOrigin,
@@ -76,7 +76,7 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let settings = bench.settings_for(bench.device, &FILTERS);
     let order: Vec<usize> = FILTERS
         .iter()
-        .filter_map(|name| settings.filters.iter().position(|filter| filter.basics.name == *name))
+        .filter_map(|name| settings.filters.iter().position(|filter| name_of(filter) == *name))
         .collect();
     // All temperatures, and the highest once more with the loose comb.
     let runs = WARMER_K.len() + 1;

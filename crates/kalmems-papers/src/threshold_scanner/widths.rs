@@ -78,10 +78,8 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let all = work.map("sweep of the Gaussian's width", points, |i, progress| {
         let (sigma, trial) = (SIGMAS[i / trials], i % trials);
         let mut settings = base.clone();
-        if let Some(detector) = &mut settings.crossings {
-            detector.width_s = sigma * INTERVAL_S;
-            detector.acceptance = Acceptance::Deviations(DEVIATIONS);
-        }
+        settings.detector.width_s = sigma * INTERVAL_S;
+        settings.detector.acceptance = Acceptance::Deviations(DEVIATIONS);
         let decay = ClosedFormDecay::of(&bench.device, ClosedFormDecay::phase(trial));
         let seed = first_seed + trial as u64;
         let (crossings, filters) = estimate(&settings, &decay, &decay.recorded(noise, seed), seed, progress)?;

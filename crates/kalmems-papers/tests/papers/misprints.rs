@@ -4,6 +4,7 @@
 use kalmems::circuit::{AmplitudeDetector, Circuit, Excitation, HighPass, SineMotion};
 use kalmems::estimate::driven::DrivenSegment;
 use kalmems::estimate::{EstimateError, FilterPast, Past, SegmentPart, SignalSegment, Trajectory};
+use kalmems::evaluate::evaluate_angles;
 use kalmems::progress::{Interruption, Silent};
 use kalmems::results::{EstimatorMetrics, Metrics, Verdict};
 use kalmems::rigs::published;
@@ -53,8 +54,7 @@ fn printed(outcome: &Outcome, misprint: Misprint) -> EstimatorMetrics {
     let segment = &mut recording.segments[0];
     segment.estimate.trajectories = trajectories.unwrap();
     let references = recording.reference.as_ref().unwrap().angles_of(&segment.estimate.segment).unwrap();
-    let rig = published().rig(&outcome.experiment).unwrap();
-    segment.errors = rig.evaluate(&segment.estimate, &references, &Interruption::never());
+    segment.errors = evaluate_angles(&segment.estimate, &references, 1, &Interruption::never());
     let found = Metrics::of(&outcome).estimators().next().unwrap().clone();
     let errors = found.errors.as_ref().map(|e| (e.angle.rmse_deg, e.peak_phase_rmse_deg));
     println!("{misprint:?}: {:?} {errors:?} {:?}", found.verdict, found.failure);

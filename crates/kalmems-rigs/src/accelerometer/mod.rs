@@ -144,7 +144,7 @@ impl Rig for AccelerometerRig {
         "feedback"
     }
 
-    fn angles(&self) -> &'static [[&'static str; 2]] {
+    fn angles(&self, _: &Experiment) -> &'static [[&'static str; 2]] {
         &[]
     }
 

@@ -52,6 +52,10 @@ impl LevelCrossing {
     }
 }
 
+/// The largest standard deviation of a crossing that is told without a zero, as a part of that of a time of which nothing is known
+/// but that it is the nearest crossing: half of the time between two, over √3.
+pub(crate) const TOLD_SHARE: f64 = 0.5;
+
 /// The numbers of a crossing.
 pub const NUMBERS: usize = 18;
 

@@ -14,6 +14,7 @@ use super::kernel::{CrossingKernel, KernelWindow};
 use super::line::CrossingWaveform;
 use kalmems_core::Scalar;
 use kalmems_core::detect::Peak;
+use std::sync::Arc;
 
 /// A response, in standard deviations of that to noise, that noise does not reach in a year, nor beside a crossing that is there.
 pub const LOUD: f64 = 8.0;
@@ -37,7 +38,7 @@ pub struct CrossingPlace {
 
 /// What stands in where the smoothed signal has no zero that could be told.
 pub struct Fallback {
-    line: CrossingWaveform,
+    line: Arc<dyn CrossingWaveform>,
     window: KernelWindow,
     /// From one time of a crossing to the next whose likelihoods are compared, in samples.
     step: usize,
@@ -62,13 +63,13 @@ const NODES: [(f64, f64); 3] =
 const CORRECTIONS: usize = 6;
 
 impl Fallback {
-    /// For a kernel of this width in samples, a signal with this noise per sample in V², and this deviation of the response to it.
+    /// For a kernel of this width in samples, a signal with this noise per sample in V², this deviation of the response to it, and this interval in s.
     pub fn new(
-        line: CrossingWaveform,
+        line: Arc<dyn CrossingWaveform>,
         (window, width): (KernelWindow, f64),
-        (noise_variance, deviation): (f64, f64),
+        (noise_variance, deviation, interval_s): (f64, f64, f64),
     ) -> Self {
-        let pass = 1.0 / (line.passes_hz() * line.interval_s);
+        let pass = 1.0 / (line.passes_hz() * interval_s);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, and clamped
         let half_pass = (0.5 * pass).clamp(1.0, 8.0 * window.look_ahead() as f64) as usize;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, and clamped
@@ -127,10 +128,10 @@ impl Fallback {
     /// The rate at which the line's largest response is this one, and where that is after the crossing.
     fn vertex(&self, kernel: &dyn CrossingKernel, direction: f64, height: f64) -> Option<(f64, Vertex)> {
         let mut rate = self.line.rate(height);
-        let mut vertex = Vertex::of(kernel, &self.line, self.window, direction * rate)?;
+        let mut vertex = Vertex::of(kernel, &*self.line, self.window, direction * rate)?;
         for _ in 0..CORRECTIONS {
             rate *= (height / vertex.height).abs().sqrt();
-            vertex = Vertex::of(kernel, &self.line, self.window, direction * rate)?;
+            vertex = Vertex::of(kernel, &*self.line, self.window, direction * rate)?;
         }
         rate.is_finite().then_some((rate, vertex))
     }
@@ -201,11 +202,10 @@ impl Fallback {
             let rate = self.line.rate(slope);
             for direction in DIRECTIONS {
                 rates.push(rate);
-                let at = |i: usize| self.line.volts(direction * rate, i as f64 - reach as f64);
-                volts.extend((0..=2 * reach).map(at));
+                volts.extend(self.line.samples(direction * rate, reach));
             }
             let height =
-                Vertex::of(kernel, &self.line, self.window, rate).map_or(0.0, |vertex| vertex.height);
+                Vertex::of(kernel, &*self.line, self.window, rate).map_or(0.0, |vertex| vertex.height);
             if height > (LOUD + MARGIN) * self.deviation {
                 break;
             }
@@ -236,13 +236,13 @@ impl Vertex {
     /// For a crossing at this rate, with its sign; `None` where the response is largest beyond a width of the kernel.
     fn of(
         kernel: &dyn CrossingKernel,
-        line: &CrossingWaveform,
+        line: &dyn CrossingWaveform,
         window: KernelWindow,
         rate: f64,
     ) -> Option<Self> {
         let around = window.half / 2;
         let reach = window.half + around;
-        let volts: Vec<f64> = (0..=2 * reach).map(|k| line.volts(rate, k as f64 - reach as f64)).collect();
+        let volts = line.samples(rate, reach);
         let mut responses = vec![f64::NAN; volts.len()];
         kernel.responses(&volts, &mut responses);
         let of_line = responses.get(window.half..=window.half + 2 * around)?;

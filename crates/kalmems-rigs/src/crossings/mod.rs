@@ -9,12 +9,13 @@ mod line;
 mod search;
 mod search_state;
 mod settings;
+mod verdict;
 
+pub(crate) use crossing::TOLD_SHARE;
 pub use crossing::{CrossingReading, LevelCrossing, find};
 pub(crate) use delivery::CrossingDelivery;
-pub(crate) use fallback::LOUD;
-pub use line::CrossingWaveform;
-pub(crate) use search::SearchTally;
+pub use line::{CombWaveform, CrossingWaveform};
 pub use search::{CrossingLevel, SearchedSignal, SignalRows};
 pub(crate) use search_state::{RowsNeeded, SearchState};
 pub use settings::{Acceptance, DetectorSettings};
+pub(crate) use verdict::judge_crossings;

@@ -3,15 +3,16 @@
 use super::crossing::{CrossingReading, LevelCrossing};
 use super::fallback::{CrossingPlace, Fallback};
 use super::kernel::{CrossingKernel, KernelWindow, kernel};
-use super::line::CrossingWaveform;
+use super::line::{CombWaveform, CrossingWaveform};
 use super::settings::{Acceptance, DetectorSettings};
 use crate::signal::GAP;
 use kalmems_core::detect::{DetectError, HoldLevel, Peak, Threshold, angle_variance, peaks};
 use kalmems_models::capacitance::CombCurve;
 use kalmems_models::dynamics::MirrorResonator;
+use std::sync::Arc;
 
 /// What is known of a signal in which crossings of a level are looked for.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone)]
 pub struct SearchedSignal {
     /// The usual interval in s.
     pub interval_s: f64,
@@ -24,7 +25,7 @@ pub struct SearchedSignal {
     /// How often it crosses the level while the device moves, per s.
     pub passes_hz: f64,
     /// The signal around a crossing as a model gives it, where there is one.
-    pub line: Option<CrossingWaveform>,
+    pub line: Option<Arc<dyn CrossingWaveform>>,
 }
 
 /// The level that a signal crosses.
@@ -44,14 +45,14 @@ impl SearchedSignal {
         comb: CombCurve<f64>,
         resonator: MirrorResonator<f64>,
     ) -> Self {
-        let line = CrossingWaveform { resonator, comb, interval_s };
+        let line = CombWaveform { resonator, comb, interval_s };
         Self {
             interval_s,
             noise_variance,
             level: CrossingLevel { value: offset, follows_mean: true },
             falls: comb.steepest() < 0.0,
             passes_hz: line.passes_hz(),
-            line: Some(line),
+            line: Some(Arc::new(line)),
         }
     }
 }
@@ -158,18 +159,20 @@ impl CrossingSearch {
         if sought.falls {
             kernel.falling();
         }
-        let of_line = |line| Fallback::new(line, (window, width), (sought.noise_variance, deviation));
+        let of_line = |line| {
+            Fallback::new(line, (window, width), (sought.noise_variance, deviation, sought.interval_s))
+        };
         Ok(Self {
-            sought,
             kernel,
             window,
-            fallback: sought.line.map(of_line),
+            fallback: sought.line.clone().map(of_line),
             threshold,
             deviation,
             rows: 0,
             decided: 0,
             last: None,
             offset: Offset::new(sought.level),
+            sought,
             responses: Vec::new(),
             first_response: 0,
             spare: Vec::new(),
@@ -290,7 +293,7 @@ impl CrossingSearch {
 
     /// The crossing at a maximum.
     fn crossing(&mut self, peak: &Peak<f64>, rows: &SignalRows) -> LevelCrossing {
-        let SearchedSignal { interval_s, noise_variance, line, falls, .. } = self.sought;
+        let SearchedSignal { interval_s, noise_variance, line, falls, .. } = self.sought.clone();
         let sign = if falls { -1.0 } else { 1.0 };
         #[allow(clippy::cast_possible_truncation)] // an index of the signal
         let index = peak.index as usize;
@@ -300,6 +303,7 @@ impl CrossingSearch {
             time_s: here_s + after * interval_s,
             sd_s: variance.sqrt() * interval_s,
             angle_variance: line
+                .as_ref()
                 .map_or(f64::NAN, |line| angle_variance(variance, line.rate(slope), interval_s)),
             volts_per_s: slope * sign / interval_s,
         };
@@ -395,21 +399,24 @@ mod tests {
     const NOISE: f64 = 0.0435;
     const DECAY: f64 = 26.0;
 
+    fn comb() -> CombCurve<f64> {
+        CombCurve { centre: 0.0037, gain: 2.82e-3, steepness: 76.0, shape: CurveShape::Logistic }
+    }
+
     fn sought() -> SearchedSignal {
-        let comb = CombCurve { centre: 0.0037, gain: 2.82e-3, steepness: 76.0, shape: CurveShape::Logistic };
         let resonator = MirrorResonator { natural_rate: RATE, damping_ratio: DECAY / RATE };
-        SearchedSignal::of_comb((2e-6, NOISE * NOISE, 0.0), comb, resonator)
+        SearchedSignal::of_comb((2e-6, NOISE * NOISE, 0.0), comb(), resonator)
     }
 
     /// Times in s and volts of a decay with a gap.
     fn decay() -> (Vec<f64>, Vec<f64>) {
-        let (interval_s, comb) = (sought().interval_s, sought().line.unwrap().comb);
+        let interval_s = sought().interval_s;
         let mut white = WhiteNoise::new(3, 0);
         let time_s: Vec<f64> = (0..40_000).map(|k| f64::from(k) * interval_s).collect();
         let volts = |t: &f64| {
             let (sine, cosine) = (RATE * t).sin_cos();
             let amplitude = 0.15 * (-DECAY * t).exp();
-            comb.sensitivity(amplitude * sine) * amplitude * RATE * cosine + 0.01 + NOISE * white.sample()
+            comb().sensitivity(amplitude * sine) * amplitude * RATE * cosine + 0.01 + NOISE * white.sample()
         };
         let mut volts: Vec<f64> = time_s.iter().map(volts).collect();
         volts[20_000..20_050].fill(f64::NAN);

@@ -3,14 +3,16 @@
 use super::event_sensor::{BackwardInterval, EventSensor};
 use super::event_times::{EventAcceptance, EventMeasurement, EventTimes, event_measurements};
 use super::events::FilterEventUse;
+use super::input_part::input_part_slopes;
 use super::interpolation::Interpolation;
 use super::kinks::KinkSteps;
-use super::model::{EquationModel, Interval};
+use super::model::{EquationModel, Interval, MeasurementUnderInputs};
 use super::names;
+use crate::config::Variant;
 use crate::estimate::driven::SegmentDrive;
 use crate::estimate::{
     Bridge, Course, DerivedQuantities, EVENTS, Filtering, MotionRate, NEVER, SampleCounts, SampleSelection,
-    SignalName, StateName, Trajectory, by_signal_taken_for, by_signals,
+    Sensor, SignalName, StateName, Trajectory, by_signal_taken_for, by_signals,
 };
 use crate::units::Kind;
 use kalmems_core::{FilterError, Innovation, Nodes};
@@ -46,12 +48,15 @@ pub struct EquationSegment<'a> {
     pub start_s: f64,
     /// When, in s.
     pub time_s: &'a [f64],
-    /// The inputs, in the order of the device.
+    /// The inputs, in the order of the device, and how many of them are stated; the rates of these are behind them.
     pub inputs: Vec<SegmentDrive<'a>>,
+    pub stated_inputs: usize,
     /// The measured channels that the recording has, in that order.
     pub channels: Vec<SegmentChannel<'a>>,
     /// The events whose times are looked for, in the order of the settings.
     pub events: Vec<EventTimes<'a>>,
+    /// Rows at which an input bends so sharply that what its rate adds to a signal is not known.
+    pub bends: Vec<usize>,
     /// Which samples are new.
     pub samples: SampleSelection,
     /// How fast the device moves.
@@ -86,6 +91,11 @@ pub struct EquationCourse<'a> {
     /// What happened, by the row at which the filter is told or judged, and the way back to it.
     told: Vec<(usize, EventMeasurement)>,
     way: BackwardInterval,
+    late_s: Vec<f64>,
+    /// Whether parameters are states that say what inputs add to a signal.
+    has_input_part: bool,
+    /// What of the signal corrects the filter.
+    variant: Variant,
     log_likelihood: f64,
     /// The names of what follows from the states, and whether it follows from the inputs as well.
     quantities: Vec<StateName>,
@@ -125,6 +135,9 @@ impl<'a> EquationCourse<'a> {
             nodes,
             told,
             way,
+            late_s: Vec::new(),
+            has_input_part: model.moving() < model.rest().len() && !data.inputs.is_empty(),
+            variant: Variant::Full,
             log_likelihood: 0.0,
             quantities: Vec::new(),
             need_inputs: false,
@@ -146,10 +159,16 @@ impl<'a> EquationCourse<'a> {
         Self { signal_variance, ..self }
     }
 
+    /// The same, where the filter takes the signal so.
+    #[must_use]
+    pub fn taking_signal(self, variant: Variant) -> Self {
+        Self { variant, ..self }
+    }
+
     /// Corrects a filter by the events that it is told of at row `k`, and judges it by those that it could be told of.
     ///
-    /// An event is the measurement g = 0 of its expression at its own time, and the standard deviation of that time is one of g by the
-    /// rate of g.
+    /// An event is the measurement g = 0, or of another value, of its expression at its own time, and the standard deviation of that time is one of g by
+    /// the rate of g.
     fn tell(
         &mut self,
         filter: &mut dyn Filtering,
@@ -158,29 +177,63 @@ impl<'a> EquationCourse<'a> {
     ) -> Result<(), FilterError> {
         let first = self.told.partition_point(|(row, _)| *row < k);
         let here = self.told.iter().skip(first).take_while(|(row, _)| *row == k);
-        let (model, interval_s) = (self.model, self.data.samples.interval_s);
+        let (model, step_s) = (self.model, (self.model, self.data.samples.interval_s));
         for (_, told) in here {
-            let rows = (self.data.time_s, k, told.time_s);
-            self.way.to(rows, (model, interval_s), &self.data.inputs);
-            let then = EventSensor { model, event: told.event, way: &self.way };
-            let variance = told.variance.unwrap_or_else(|| {
-                let [of_time, own] = told.variances;
-                then.rate(filter.mean()).powi(2) * of_time + own
-            });
-            let innovation = match told.acceptance {
-                EventAcceptance::Judged => filter.update_within(&then, 0.0, variance, NEVER)?,
-                EventAcceptance::Within(largest_nis) => {
-                    filter.update_within(&then, 0.0, variance, largest_nis)?
+            let [of_time, own] = told.variances;
+            self.late_s.clear();
+            if let Some((measure, rise)) = told.rise.filter(|_| self.has_input_part) {
+                let nearest = self.data.time_s.partition_point(|t| *t < told.time_s);
+                self.data.inputs_at(nearest.min(self.data.time_s.len() - 1), &mut self.nodes[0]);
+                self.late_s.resize(filter.mean().len(), 0.0);
+                input_part_slopes(model, measure, &self.nodes[0], &mut self.late_s);
+                self.late_s.iter_mut().for_each(|slope| *slope /= -rise);
+            }
+            let late_s = &self.late_s;
+            if let Some(judged) = told.judged {
+                self.way.to((self.data.time_s, k, judged.time_s), step_s, &self.data.inputs);
+                let then = EventSensor { model, event: told.event, way: &self.way, late_s };
+                let variance = then.rate(filter.mean()).powi(2) * judged.time_variance + own;
+                let judgement = filter.update_within(&then, judged.value, variance, NEVER)?;
+                self.log_likelihood += judgement.log_likelihood();
+                if matches!(told.acceptance, EventAcceptance::Judged) {
+                    continue;
                 }
-                EventAcceptance::ByGate => filter.update(EVENTS, &then, 0.0, variance)?,
+            }
+            self.way.to((self.data.time_s, k, told.time_s), step_s, &self.data.inputs);
+            let then = EventSensor { model, event: told.event, way: &self.way, late_s };
+            let rate = || then.rate(filter.mean());
+            let variance = told.variance.unwrap_or_else(|| rate().powi(2) * of_time + own);
+            let innovation = match told.acceptance {
+                EventAcceptance::Judged => filter.update_within(&then, told.value, variance, NEVER)?,
+                EventAcceptance::Within(largest_nis) => {
+                    filter.update_within(&then, told.value, variance, largest_nis)?
+                }
+                EventAcceptance::ByGate => filter.update(EVENTS, &then, told.value, variance)?,
             };
-            self.log_likelihood += innovation.log_likelihood();
+            if told.judged.is_none() {
+                self.log_likelihood += innovation.log_likelihood();
+            }
             if !matches!(told.acceptance, EventAcceptance::Judged) {
                 counts.crossings += 1;
                 counts.crossings_refused += usize::from(!innovation.taken);
             }
         }
         Ok(())
+    }
+}
+
+/// A measurement with its derivative by the first state left out, as it is printed of a comb's current: by [0, h(θ), …].
+struct PrintedSensor<'a>(MeasurementUnderInputs<'a>);
+
+impl Sensor for PrintedSensor<'_> {
+    fn read(&self, x: &[f64]) -> f64 {
+        self.0.read(x)
+    }
+
+    fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64 {
+        let value = self.0.linearize(x, slopes);
+        slopes.iter_mut().take(1).for_each(|slope| *slope = 0.0);
+        value
     }
 }
 
@@ -210,6 +263,12 @@ impl Course for EquationCourse<'_> {
     fn signal(&self) -> &[f64] {
         let first = self.channels.first().and_then(|place| self.data.channels.get(*place));
         first.map_or(&[], |channel| channel.signal)
+    }
+
+    /// The input of a device that has one.
+    fn drive(&self, k: usize) -> Option<f64> {
+        let stated = self.data.stated_inputs == 1;
+        self.data.inputs.first().filter(|_| stated).map(|drive| drive.sample(k).0)
     }
 
     fn signals(&self) -> Vec<SignalName> {
@@ -297,6 +356,10 @@ impl Course for EquationCourse<'_> {
         counts: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         self.tell(filter, k, counts)?;
+        if !self.data.bends.is_empty() && self.data.bends.binary_search(&k).is_ok() {
+            counts.drive_bends += 1;
+            return Ok(None);
+        }
         let [inputs, ..] = &mut self.nodes;
         self.data.inputs_at(k, inputs);
         let channels = || self.channels.iter().filter_map(|place| self.data.channels.get(*place));
@@ -306,6 +369,18 @@ impl Course for EquationCourse<'_> {
         };
         self.variances.clear();
         self.variances.extend(channels().map(variance));
+        if self.variant != Variant::Full {
+            let Some((channel, variance)) = channels().zip(&self.variances).next() else { return Ok(None) };
+            let printed = PrintedSensor(self.model.sensor(channel.measure, inputs));
+            let sensor: &dyn Sensor = if self.variant == Variant::Literal { &printed } else { &printed.0 };
+            let taken_for =
+                (self.variant == Variant::Literal).then(|| self.signal_variance.unwrap_or(*variance));
+            let y = channel.signal[k];
+            return match y.is_finite() {
+                true => by_signal_taken_for(filter, sensor, (y, *variance), taken_for).map(Some),
+                false => Ok(None),
+            };
+        }
         if self.signal_variance.is_some() {
             let Some((channel, variance)) =
                 channels().zip(&self.variances).next().filter(|(channel, _)| channel.signal[k].is_finite())

@@ -67,6 +67,8 @@ pub struct EventSensor<'a> {
     pub event: usize,
     /// The way back to it.
     pub way: &'a BackwardInterval,
+    /// By how many s more of each state makes the event seem late, as a signal shows it to which inputs add more than is known; none without.
+    pub late_s: &'a [f64],
 }
 
 /// The largest matrix of derivatives.
@@ -81,6 +83,11 @@ impl EventSensor<'_> {
         let Some(then) = then.get_mut(..x.len()) else { return f64::NAN };
         self.model.event(self.event, then, self.way.at(2 * self.way.steps), slopes);
         self.model.growth(then, self.way.at(2 * self.way.steps), slopes)
+    }
+
+    /// How late the event seems for a present state, in s.
+    fn late_s(&self, x: &[f64]) -> f64 {
+        self.late_s.iter().zip(x).map(|(late_s, x)| late_s * x).sum()
     }
 
     /// The state, parameters by their values, at the time of the event, and its derivatives by the present one where there is room.
@@ -120,7 +127,10 @@ impl Sensor for EventSensor<'_> {
     fn read(&self, x: &[f64]) -> f64 {
         let then = self.then(x, &mut []);
         let inputs = self.way.at(2 * self.way.steps);
-        then.get(..x.len()).map_or(f64::NAN, |then| self.model.event(self.event, then, inputs, &mut []))
+        let value = |then: &[f64]| self.model.event(self.event, then, inputs, &mut []);
+        let then = then.get(..x.len());
+        let late = if self.late_s.is_empty() { 0.0 } else { self.rate(x) * self.late_s(x) };
+        then.map_or(f64::NAN, |then| value(then) - late)
     }
 
     fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64 {
@@ -135,6 +145,13 @@ impl Sensor for EventSensor<'_> {
             *slope = own.iter().zip(all.chunks_exact(n)).map(|(own, row)| own * row[j]).sum();
         }
         self.model.scale_parameters(slopes);
-        value
+        if self.late_s.is_empty() {
+            return value;
+        }
+        let rate = self.model.growth(then, self.way.at(2 * self.way.steps), own);
+        for (slope, late_s) in slopes.iter_mut().zip(self.late_s) {
+            *slope -= rate * late_s;
+        }
+        value - rate * self.late_s(x)
     }
 }

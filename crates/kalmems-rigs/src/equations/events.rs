@@ -2,11 +2,13 @@
 
 use super::names;
 use super::settings::OwnDevice;
+use super::table::EquationsTable;
 use crate::config::{
-    ConfigError, ConfigFault, CrossingApplication, CrossingTiming, Edge, Experiment, FilterTable, Key,
-    Quantity, Sign,
+    AnyValue, ConfigError, ConfigFault, CrossingApplication, CrossingTiming, Edge, Experiment, FilterTable,
+    Key, Quantity, Sign,
 };
 use crate::crossings::{CrossingDelivery, CrossingLevel, DetectorSettings, RowsNeeded};
+use crate::units::Kind;
 use kalmems_equations::{Device, NoiseKind};
 
 /// An event whose times are looked for.
@@ -22,6 +24,10 @@ pub struct EventSettings {
     pub time_variance: f64,
     /// The variance of its expression then, in its unit².
     pub variance: f64,
+    /// What its expression is then, by which all filters are judged.
+    pub judged: f64,
+    /// The angle in rad that is passed then, where it is told as that.
+    pub passed_angle: Option<f64>,
 }
 
 /// Where the times of an event come from.
@@ -57,6 +63,8 @@ pub struct FilterEventUse {
     pub timing: CrossingTiming,
     /// When the filter is told.
     pub delivery: CrossingDelivery,
+    /// What the expression is then.
+    pub value: f64,
     /// The variance of the expression; `None` takes that which follows from the event's time and its noise.
     pub variance: Option<f64>,
     /// The largest normalised innovation squared that is believed, where the file says one; the filter's own gate decides otherwise.
@@ -104,6 +112,11 @@ impl EventSettings {
         if is_there { Ok(()) } else { Err(experiment.error(key.clone(), ConfigFault::MissingKey { remedy })) }
     }
 
+    /// Whether a signal shows it.
+    pub fn is_shown_by_a_signal(&self) -> bool {
+        matches!(self.source, EventTimeSource::Signal { .. })
+    }
+
     /// How long after it a channel tells of it at most, in s.
     pub fn known_within_s(&self, interval_s: f64) -> f64 {
         match self.source {
@@ -129,18 +142,31 @@ pub fn events(experiment: &Experiment, own: &OwnDevice) -> Result<Vec<EventSetti
     }
     let noise = device.noise(&own.values, &own.rest).map_err(|error| super::refused(experiment, &error))?;
     let size = |of: NoiseKind| noise.iter().find(|(kind, _)| *kind == of).map_or(0.0, |(_, size)| *size);
+    let threshold = experiment.device_in_terms_of::<EquationsTable>()?.threshold.clone();
     let mut events = Vec::new();
     for (event, named) in device.events().iter().enumerate() {
         let uses = |filter: &FilterTable| filter.events.contains_key(&*named.name);
-        if !(estimate.events.contains_key(&*named.name) || estimate.filters.iter().any(uses)) {
+        let passed = threshold.as_ref().filter(|threshold| threshold.event == &*named.name);
+        let of_threshold = passed.and_then(|threshold| threshold.source(estimate, own));
+        if !(estimate.events.contains_key(&*named.name)
+            || estimate.filters.iter().any(uses)
+            || of_threshold.is_some())
+        {
             continue;
         }
+        let angle = passed.map(|threshold| threshold.judged_angle(estimate));
+        let judged = angle.zip(passed).map_or(0.0, |(angle, threshold)| angle - threshold.angle);
         events.push(EventSettings {
             event,
             name: crate::units::name(&named.name),
-            source: source(experiment, device, &named.name)?,
+            source: match of_threshold {
+                Some(source) => source,
+                None => source(experiment, device, &named.name)?,
+            },
             time_variance: size(NoiseKind::EventTime { event }),
             variance: size(NoiseKind::Event { event }),
+            judged,
+            passed_angle: angle,
         });
     }
     Ok(events)
@@ -198,15 +224,25 @@ pub fn uses(
         let why = "this method has no gain by which an event could correct it; leave it out, or use `ekf`";
         return refuse(at, why);
     }
+    let threshold = experiment.device_in_terms_of::<EquationsTable>()?.threshold.clone();
     let mut uses = Vec::new();
     for (place, event) in events.iter().enumerate() {
+        if let Some(threshold) = threshold.as_ref().filter(|threshold| threshold.event == event.name) {
+            uses.extend(filter.threshold.as_ref().map(|stated| threshold.of_filter(place, stated)));
+            continue;
+        }
         let Some(stated) = filter.events.get(event.name) else { continue };
         let at = at.clone().child(event.name);
         let named = &own.device.events()[event.event];
-        let sd = stated.sd.as_ref();
-        let sd =
-            sd.map(|sd| experiment.value(at.clone().child("sd"), sd, names::kind_of(named), Sign::Positive));
-        let sd = sd.transpose()?;
+        let kind = names::kind_of(named);
+        let number = |key: &str, value: &Option<AnyValue>, kind: &Kind, sign: Sign| {
+            let read = |value| experiment.value(at.clone().child(key), value, kind, sign);
+            value.as_ref().map(read).transpose()
+        };
+        let (sd, value) = (
+            number("sd", &stated.sd, kind, Sign::Positive)?,
+            number("value", &stated.value, kind, Sign::Any)?,
+        );
         match event.source {
             EventTimeSource::Channel { .. } => {
                 let of_signals = [
@@ -241,6 +277,7 @@ pub fn uses(
                 applied: stated.applied.unwrap_or_default(),
                 lag_s: stated.lag.as_ref().map(Quantity::si),
             },
+            value: value.unwrap_or(0.0),
             variance: sd.map(|sd| sd * sd),
             gate_nis: stated.gate.map(|sds| sds * sds),
         });

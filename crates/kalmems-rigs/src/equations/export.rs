@@ -10,7 +10,7 @@ use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::table::refused;
 use super::{EquationColumns, names};
 use crate::Rig;
-use crate::config::{ConfigFault, Experiment, Key, Method};
+use crate::config::{ConfigFault, Experiment, Key, Method, Variant};
 use crate::estimate::driven::{InterpolationLag, SegmentDrive};
 use crate::estimate::{
     AnyFilter, FALSE_REJECTIONS, FilterPast, GainOf, GateMode, MeanAndCovariance, MotionRate,
@@ -63,6 +63,9 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
     let (own, filter) = (&settings.own, &settings.filters[place]);
     let refuse =
         |why: &str| Err(ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_owned() });
+    if filter.variant != Variant::Full {
+        return refuse("its `variant` takes the signal otherwise than by its derivative; leave that out");
+    }
     let method = match filter.basics.method {
         Method::Ekf | Method::SteadyState | Method::Luenberger => StepMethod::RungeKutta,
         Method::EulerEkf => StepMethod::Euler,
@@ -73,6 +76,9 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
             );
         }
     };
+    if !filter.basics.readout.is_empty() {
+        return refuse("it has states of its readout; leave `readout` out");
+    }
     if own.device.has_resets() {
         return refuse(
             "its states are set at once where an expression passes zero, which the source does not do",
@@ -306,6 +312,11 @@ fn events(
         if used.gate_nis.is_some() {
             return refuse("the exported source uses every event and has no gate; leave `gate` out");
         }
+        if used.value != 0.0 {
+            return refuse(
+                "the exported source takes its expression for zero; write it so, and leave `value` out",
+            );
+        }
         let own = (event.time_variance == 0.0).then_some(event.variance);
         match used.variance.or(own) {
             Some(variance) => Ok(EmitEvent { event: event.event, variance }),
@@ -473,7 +484,9 @@ fn test_samples(
         start_s: time_s.first().copied().unwrap_or(0.0),
         time_s: &time_s[..=count],
         inputs: drives,
+        stated_inputs: own.device.own_inputs(),
         events: settings.events.iter().zip(&ago).map(happened).collect(),
+        bends: Vec::new(),
         channels: signals
             .iter()
             .map(|(measure, signal)| {

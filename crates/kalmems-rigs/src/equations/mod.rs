@@ -1,5 +1,6 @@
 //! A device of one's own: differential equations with units in the table `[device.equations]`, and everything works from them.
 
+mod angles;
 mod course;
 mod curve;
 mod event_search;
@@ -8,6 +9,8 @@ mod event_times;
 mod events;
 mod export;
 mod feedback;
+mod input_part;
+mod instrument;
 mod interpolation;
 mod inversion;
 mod kinks;
@@ -25,13 +28,19 @@ mod settings;
 mod simulated_event;
 mod simulation;
 mod sine;
+mod sine_filters;
+mod sine_settings;
 mod start;
+mod swing_gain;
 mod table;
+mod threshold;
 mod trigger;
 mod visibility;
+mod waveform;
 
-pub use preset::{Preset, PresetRig, meant};
+pub use preset::{OwnExport, Preset, PresetRig, meant};
 pub use table::EquationsTable;
+pub use threshold::PassedThreshold;
 
 use crate::config::{
     ConfigError, ConfigFault, DeviceKind, DeviceUses, Experiment, Key, Method, RecordingRole,
@@ -106,6 +115,8 @@ impl<'a> EquationColumns<'a> {
         let names = |all: &'_ [Named], places: &[usize]| -> Vec<String> {
             places.iter().map(|place| all[*place].name.to_string()).collect()
         };
+        let shown = table.instruments.iter().map(|(name, _)| name.to_owned());
+        let shown = shown.filter(|name| channels.column(name).is_some());
         let stated = device.own_inputs();
         let meanings: Vec<String> = device
             .inputs()
@@ -115,6 +126,8 @@ impl<'a> EquationColumns<'a> {
             .chain(names(device.measures(), &measures))
             .chain(names(device.events(), &events))
             .chain(trigger.map(|trigger| trigger.channel.clone()))
+            // What an instrument showed may stand there, and nothing takes it.
+            .chain(shown)
             .collect();
         let meanings: Vec<&str> = meanings.iter().map(String::as_str).collect();
         let mut columns = experiment.columns_of(key, channels, &meanings)?;
@@ -182,7 +195,8 @@ impl Rig for EquationsRig {
     }
 
     fn uses(&self, experiment: &Experiment) -> DeviceUses {
-        // A loop on a sine has the gain of the continuous filter too.
+        let has_angles = !self.angles(experiment).is_empty();
+        // A loop on a sine has the gain of the continuous filter too, and so has one gain for all of a swing.
         let is_sine = EquationsTable::of(experiment).is_ok_and(|(table, _)| table.sine.is_some());
         DeviceUses {
             several_signals: true,
@@ -191,7 +205,8 @@ impl Rig for EquationsRig {
             signal_variance: true,
             start_about: true,
             states_readout: true,
-            no_methods: if is_sine { &[] } else { &NO_METHODS },
+            angles: has_angles,
+            no_methods: if is_sine || has_angles { &[] } else { &NO_METHODS },
             ..DeviceUses::default()
         }
     }
@@ -217,30 +232,35 @@ impl Rig for EquationsRig {
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
         EquationSettings::of(experiment)?;
-        experiment.to_estimate(&[RecordingRole::Test, RecordingRole::SteadyState], |index| {
-            EquationColumns::of(experiment, index)
-        })
+        let roles = [RecordingRole::Test, RecordingRole::SteadyState, RecordingRole::RingDown];
+        experiment.to_estimate(&roles, |index| EquationColumns::of(experiment, index))
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
         let all = EquationColumns::of(experiment, index)?.all();
         // Where nothing moves by itself, a gap is bounded as if a cycle took a second.
         let own = OwnDevice::of(experiment)?;
-        let cycle_s = own.natural_hz().map(f64::recip).or_else(|| sine::cycle_s(experiment)).unwrap_or(1.0);
+        let cycle_s =
+            own.natural_hz().map(f64::recip).or_else(|| sine_settings::cycle_s(experiment)).unwrap_or(1.0);
         experiment.layout_to_estimate(index, &all, cycle_s)
     }
 
-    fn angles(&self) -> &'static [[&'static str; 2]] {
-        &[]
+    fn angles(&self, experiment: &Experiment) -> &'static [[&'static str; 2]] {
+        experiment.device_in_terms_of::<EquationsTable>().map_or(&[], |table| angles::angles(&table))
     }
 
     fn values(&self, experiment: &Experiment) -> &'static [ValueState] {
-        EquationsTable::of(experiment).map_or(&[], |(table, device)| names::values(&table, &device))
+        EquationsTable::of(experiment).map_or(&[], |(table, device)| match angles::angles(&table) {
+            [] => names::values(&table, &device),
+            _ => &[],
+        })
     }
 
     fn densities(&self, experiment: &Experiment) -> Vec<StateDensity> {
-        EquationsTable::of(experiment)
-            .map_or_else(|_| Vec::new(), |(table, device)| sine::densities(experiment, &table, &device))
+        EquationsTable::of(experiment).map_or_else(
+            |_| Vec::new(),
+            |(table, device)| sine_settings::densities(experiment, &table, &device),
+        )
     }
 
     fn parameters(&self, experiment: &Experiment) -> &'static [DeviceParameter] {
@@ -258,7 +278,7 @@ impl Rig for EquationsRig {
         let models = settings.filters.iter().map(|filter| filter.models(&settings.own));
         let models = models.collect::<Result<_, _>>().map_err(|error| refused(experiment, &error))?;
         let columns = EquationColumns::of(experiment, index)?;
-        let (past, searches, left_ranges) = (Past::default(), None, RangeTally::default());
+        let (past, searches, refused, left_ranges) = (Past::default(), None, None, RangeTally::default());
         Ok(Box::new(EquationEstimator {
             experiment,
             settings,
@@ -266,6 +286,7 @@ impl Rig for EquationsRig {
             columns,
             past,
             searches,
+            refused,
             left_ranges,
             progress,
         }))

@@ -411,6 +411,16 @@ impl EquationModel {
         MeasurementUnderInputs { model: self, measure, inputs }
     }
 
+    /// The power density of the noise of each state's rate, 0 where it varies.
+    pub fn rate_densities(&self) -> &[f64] {
+        &self.density
+    }
+
+    /// Where it rests under no input, with the parameters that are states by their values behind the states.
+    pub fn rest(&self) -> &[f64] {
+        &self.rest
+    }
+
     /// Steps per second that follow its motion.
     pub fn pace(&self) -> f64 {
         self.pace

@@ -45,9 +45,13 @@ pub fn deviations(device: &Device) -> Vec<ExpectedEntry> {
 }
 
 /// The densities of the noises of the rates of all states, in the order of the table.
-pub fn densities(device: &Device) -> Vec<ExpectedEntry> {
+pub fn densities(table: &EquationsTable, device: &Device) -> Vec<ExpectedEntry> {
+    let called = |named: &Named| {
+        let other = table.noise_keys.iter().find(|(_, state)| *state == &*named.name);
+        other.map_or_else(|| name(&named.name), |(key, _)| *key)
+    };
     let of = |named: &Named| ExpectedEntry {
-        name: name(&named.name),
+        name: called(named),
         kind: kind_of(named).drift(),
         sign: Sign::NotNegative,
     };
@@ -55,12 +59,12 @@ pub fn densities(device: &Device) -> Vec<ExpectedEntry> {
 }
 
 /// The same with what wanders by them.
-pub fn state_densities(device: &Device) -> Vec<StateDensity> {
+pub fn state_densities(table: &EquationsTable, device: &Device) -> Vec<StateDensity> {
     let of = |(named, entry): (&Named, ExpectedEntry)| {
         let wanders = name(&format!("`{}`", named.name));
         StateDensity { entry, wanders, unit: name(&kind_of(named).dimension.to_string()) }
     };
-    device.states().iter().zip(densities(device)).map(of).collect()
+    device.states().iter().zip(densities(table, device)).map(of).collect()
 }
 
 /// Columns of a recording, one for each name: `x_m`.

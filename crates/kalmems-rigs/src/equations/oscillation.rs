@@ -1,6 +1,7 @@
 //! The line that an oscillation of a state makes in a measurement, by which a lock-in reads the oscillation.
 
 use super::course::SegmentChannel;
+use super::input_part::InputPart;
 use super::segment::EquationFilterTask;
 use super::settings::OwnDevice;
 use super::table::EquationsTable;
@@ -12,6 +13,7 @@ use kalmems_equations::{Motion, ProgramNumbers, ReadoutProgram};
 use num_complex::Complex64;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::f64::consts::{PI, TAU};
 use std::num::NonZeroU8;
@@ -30,6 +32,13 @@ pub struct OscillationTable {
     /// The cycles of the drive in one of the oscillation, 1 if left out: 2 under parametric excitation.
     #[serde(default = "once")]
     pub drive_cycles: NonZeroU8,
+}
+
+impl OscillationTable {
+    /// The cycles of the drive in one of the oscillation.
+    pub fn drive_cycles(&self) -> f64 {
+        self.drive_cycles.get().into()
+    }
 }
 
 fn once() -> NonZeroU8 {
@@ -73,7 +82,6 @@ pub struct MeasuredOscillation {
     rest: Vec<f64>,
     inputs: usize,
     harmonic: usize,
-    drive_cycles: f64,
     /// e^{iφ} over a cycle.
     cycle: Vec<Complex64>,
 }
@@ -150,7 +158,6 @@ impl MeasuredOscillation {
             rest: own.rest.clone(),
             inputs: inputs.len(),
             harmonic: stated.harmonic.get().into(),
-            drive_cycles: stated.drive_cycles.get().into(),
             cycle: cycle.collect(),
             motion,
             readout,
@@ -379,6 +386,13 @@ impl Mean {
 }
 
 impl EquationFilterTask<'_> {
+    /// The signal of a channel without what inputs add to it.
+    fn without_inputs<'a>(&self, channel: &SegmentChannel<'a>) -> Cow<'a, [f64]> {
+        let Some(mut part) = InputPart::of(self.own, channel.measure) else { return channel.signal.into() };
+        let of = (self.data.time_s, &*self.data.inputs, &*self.data.bends);
+        part.taken_off(self.own, of, (channel.signal, self.data.samples.interval_s)).into()
+    }
+
     /// Cycle by cycle, the oscillation that the lines of the signals show: the mean of all channels, by what the noise of their samples
     /// leaves of each.
     pub fn lock_in(
@@ -388,15 +402,18 @@ impl EquationFilterTask<'_> {
         states: &[StateName],
     ) -> Result<Trajectory, EstimateError> {
         let (basics, data) = (&self.filter.basics, self.data);
-        let drive = data.inputs.iter().find_map(|input| input.first_sine());
-        let (Some(first), Some(drive)) = (oscillations.first(), drive) else {
+        // Where nothing drives it, it moves as it is free to.
+        let moves = data.motion.is_driven || self.own.natural_hz().is_some();
+        let (Some(first), true) = (oscillations.first(), moves) else {
             let (place, filter) = (data.place.to_owned(), basics.name.clone());
             return Err(EstimateError::NoSteadyDrive { place, filter });
         };
-        let motion_hz = drive.frequency_hz / first.drive_cycles;
+        let motion_hz = data.motion.frequency_hz;
         let channels: Vec<&SegmentChannel> =
             self.channels().into_iter().filter_map(|place| data.channels.get(place)).collect();
-        let signals: Vec<&[f64]> = channels.iter().map(|channel| channel.signal).collect();
+        let alone: Vec<Cow<'_, [f64]>> =
+            channels.iter().map(|channel| self.without_inputs(channel)).collect();
+        let signals: Vec<&[f64]> = alone.iter().map(|signal| &**signal).collect();
         let windows = LockInWindows {
             time_s: data.time_s,
             signals: &signals,

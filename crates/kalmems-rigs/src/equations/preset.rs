@@ -1,23 +1,27 @@
 //! Published devices: a table of their own that means equations, and what goes beside these.
 
 use super::table::ParameterKeys;
+use super::threshold::PassedThreshold;
 use super::{EquationsRig, EquationsTable};
 use crate::config::{
     ConfigError, DeviceDescription, DeviceKind, DeviceUses, Experiment, OtherTerms, read_device,
 };
 use crate::estimate::{DeviceParameter, EstimateError};
-use crate::evaluate::ValueState;
-use crate::export::{ExportError, ExportRequest, Exported};
+use crate::evaluate::{Instruments, ValueState};
+use crate::export::{ExportError, ExportRequest, ExportableFilter, Exported};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::{Outlook, OutlookTopic};
 use crate::progress::Progress;
 use crate::recording::{RecordingLayout, RecordingSource};
 use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation};
-use crate::{Estimator, Expansion, RecordingChannels, Rig, StateDensity, Template};
-use kalmems_engines::rig::LengthScale;
+use crate::{Estimator, Expansion, OmittedNumber, RecordingChannels, Rig, StateDensity, Template};
+use kalmems_engines::rig::{LengthScale, export_of_rig};
 use std::marker::PhantomData;
 use std::ops::ControlFlow;
 use std::sync::Arc;
+
+/// A filter as it is exported with parts of its own, and the columns of drive and signal.
+pub type OwnExport = (Box<dyn ExportableFilter>, [String; 2]);
 
 /// A published device: its table is what an operator writes, and means equations.
 pub trait Preset: DeviceDescription {
@@ -31,23 +35,57 @@ pub trait Preset: DeviceDescription {
     /// The equations that the table means.
     fn equations(&self) -> Expansion;
 
+    /// The same for a reader to change, with what its filters are told of events.
+    fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
+        let _ = experiment;
+        Ok(self.equations())
+    }
+
     /// The equations that are simulated, where the experiment's drive asks for others than those of its filters.
-    fn simulated(&self, experiment: &Experiment) -> Result<Option<EquationsTable>, ConfigError>;
+    fn simulated(&self, experiment: &Experiment) -> Result<Option<EquationsTable>, ConfigError> {
+        let _ = experiment;
+        Ok(None)
+    }
 
     /// The length by which all lengths of its signal scale.
-    fn length_scale(&self) -> Option<LengthScale>;
+    fn length_scale(&self) -> Option<LengthScale> {
+        None
+    }
+
+    /// The instruments whose voltage a reference may hold in the place of an angle.
+    fn instruments(&self) -> Instruments {
+        Instruments::default()
+    }
+
+    /// Numbers that its table may leave out and that may be what is wrong.
+    fn left_out() -> Vec<OmittedNumber> {
+        Vec::new()
+    }
+
+    /// A filter that is exported with parts of its own, such as a detector, and the columns of drive and signal; `None` for one that its equations
+    /// say all of.
+    fn exported(experiment: &Experiment, place: usize) -> Result<Option<OwnExport>, ExportError> {
+        let _ = (experiment, place);
+        Ok(None)
+    }
 
     /// Identifies what its named protocol tells.
-    fn identify(experiment: &Experiment) -> Result<Identification, IdentifyError>;
+    fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError>;
 
     /// What can be said of it beside its equations, before anything is recorded.
     fn topics(experiment: &Experiment) -> Result<Vec<OutlookTopic>, SimulateError>;
 }
 
-/// The equations of an expansion as what another table means; `keys` says where each parameter stands in that, with the power of it there.
-pub fn meant(expansion: &Expansion, keys: ParameterKeys) -> Result<OtherTerms, ConfigError> {
+/// The equations of an expansion as what another table means; `keys` says where each parameter stands in that, with the power of it there, and
+/// `threshold` which event its keys of a threshold are of.
+pub fn meant(
+    expansion: &Expansion,
+    keys: ParameterKeys,
+    threshold: Option<PassedThreshold>,
+) -> Result<OtherTerms, ConfigError> {
     let mut table: EquationsTable = read_device(&expansion.text)?;
-    table.keys = Some(keys);
+    table.noise_keys.clone_from(&expansion.noise);
+    (table.keys, table.threshold) = (Some(keys), threshold);
     Ok(Arc::new(table))
 }
 
@@ -90,7 +128,15 @@ impl<T: Preset> Rig for PresetRig<T> {
     fn uses(&self, experiment: &Experiment) -> DeviceUses {
         let uses =
             Self::read(experiment).map_or_else(|_| DeviceUses::default(), |read| EquationsRig.uses(read));
-        DeviceUses { reads_capacitance: T::READS_CAPACITANCE, ..uses }
+        let table = experiment.device_in_terms_of::<EquationsTable>();
+        let crossings = table.is_ok_and(|table| table.threshold.is_some());
+        DeviceUses {
+            reads_capacitance: T::READS_CAPACITANCE,
+            states_readout: false,
+            crossings,
+            events: !crossings,
+            ..uses
+        }
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
@@ -114,8 +160,12 @@ impl<T: Preset> Rig for PresetRig<T> {
         Self::read(experiment).map_or_else(|_| Vec::new(), |read| EquationsRig.densities(read))
     }
 
-    fn identify(&self, experiment: &Experiment, _: &dyn Progress) -> Result<Identification, IdentifyError> {
-        T::identify(experiment)
+    fn identify(
+        &self,
+        experiment: &Experiment,
+        progress: &dyn Progress,
+    ) -> Result<Identification, IdentifyError> {
+        T::identify(experiment, progress)
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
@@ -126,8 +176,8 @@ impl<T: Preset> Rig for PresetRig<T> {
         EquationsRig.layout(Self::read(experiment)?, index)
     }
 
-    fn angles(&self) -> &'static [[&'static str; 2]] {
-        &[]
+    fn angles(&self, experiment: &Experiment) -> &'static [[&'static str; 2]] {
+        Self::read(experiment).map_or(&[], |read| EquationsRig.angles(read))
     }
 
     fn values(&self, experiment: &Experiment) -> &'static [ValueState] {
@@ -135,7 +185,7 @@ impl<T: Preset> Rig for PresetRig<T> {
     }
 
     fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
-        Ok(experiment.device::<T>()?.equations())
+        experiment.device::<T>()?.expanded(experiment)
     }
 
     fn estimator<'a>(
@@ -147,8 +197,23 @@ impl<T: Preset> Rig for PresetRig<T> {
         EquationsRig.estimator(Self::read(experiment)?, index, progress)
     }
 
+    fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {
+        Ok(experiment.device::<T>()?.instruments())
+    }
+
+    fn left_out(&self, _: &Experiment) -> Vec<OmittedNumber> {
+        T::left_out()
+    }
+
+    fn exported(&self, experiment: &Experiment, place: usize) -> Result<OwnExport, ExportError> {
+        T::exported(experiment, place)?.ok_or(ExportError::Device { device: T::NAME })
+    }
+
     fn export(&self, experiment: &Experiment, request: &ExportRequest) -> Result<Exported, ExportError> {
-        EquationsRig.export(Self::read(experiment)?, request)
+        match export_of_rig(self, experiment, request) {
+            Err(ExportError::Device { .. }) => EquationsRig.export(Self::read(experiment)?, request),
+            own => own,
+        }
     }
 
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {

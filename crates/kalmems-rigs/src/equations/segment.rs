@@ -3,12 +3,14 @@
 use super::EquationColumns;
 use super::course::{EquationCourse, EquationSegment, SegmentChannel};
 use super::event_search::EventSearches;
+use super::events::EventSettings;
+use super::input_part::InputPart;
 use super::model::{EquationModel, Interval, noises};
 use super::names;
 use super::phase_lock::{LoopOf, phase_lock};
 use super::range::RangeTally;
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
-use super::sine::QuantitySine;
+use super::sine::{QuantitySine, SCORED_CYCLES};
 use super::start::{most_rows, rows_before, start_of};
 use super::table::refused;
 use crate::Estimator;
@@ -26,8 +28,8 @@ use crate::signal::{SLOPE_REACH, Sine};
 use kalmems_core::Nodes;
 use kalmems_equations::{Device, EquationError};
 
-/// Cycles of the free motion that show how the device is driven, at least.
-const STARTING_CYCLES: f64 = 40.0;
+/// Cycles of the free motion after the settling time in which a signal that does not cross its level as it has to is told.
+const STARTING_CYCLES: f64 = 4.0;
 
 /// The rows before and behind the new ones that the rates of inputs and the polynomial through six of them ask for.
 const fn rows_for_rates(lag: InterpolationLag) -> (usize, usize) {
@@ -124,6 +126,8 @@ pub struct EquationEstimator<'a> {
     pub past: Past,
     /// The searches for events in the segment that is being estimated.
     pub searches: Option<EventSearches>,
+    /// Why the recording is no good, where only its end has shown it.
+    pub refused: Option<EstimateError>,
     /// How often its filters left the ranges of quantities.
     pub left_ranges: RangeTally,
     /// Who follows the work.
@@ -132,7 +136,9 @@ pub struct EquationEstimator<'a> {
 
 impl Estimator for EquationEstimator<'_> {
     fn around(&self, interval_s: f64) -> RowsAround {
-        let first_s = self.settings.own.natural_hz().map_or(0.0, |hz| STARTING_CYCLES / hz);
+        let told_s = |hz: f64| self.settings.skip_s + STARTING_CYCLES / hz;
+        let crossed = self.settings.events.iter().any(EventSettings::is_shown_by_a_signal);
+        let first_s = self.settings.own.natural_hz().filter(|_| crossed).map_or(0.0, told_s);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let rows = (first_s / interval_s).ceil() as usize;
         let own = &self.settings.own;
@@ -201,32 +207,48 @@ impl Estimator for EquationEstimator<'_> {
         let (motion, judged) = match &settings.sine {
             None => {
                 let judged = settings.own.states()[settings.own.judged()].0;
+                if let Some(natural_hz) = settings.own.natural_hz().filter(|_| settings.own.has_angle()) {
+                    segment.require_after_settling(SCORED_CYCLES / natural_hz)?;
+                }
                 (motion(&settings.own, drive.as_ref(), segment.interval_s), judged)
             }
             Some(sine) => {
                 (sine.motion(settings, &self.columns, (&segment, &channels), past)?, sine.name(&settings.own))
             }
         };
+        let bends = bends(&settings.own, &channels, (&segment.time_s, &inputs));
         let mut kept = match self.searches.take() {
             Some(searches) => searches,
             None => EventSearches::of(settings, &variances, &segment, &past.numbers)?,
         };
-        kept.look(settings, &self.columns, &segment)?;
+        if let Some(why) = kept.look(settings, &self.columns, (&segment, &inputs, &bends))? {
+            self.refused.get_or_insert(why);
+        }
         let events = kept.times(self.experiment, settings, &self.columns, &segment)?;
-        let said = events.iter().flat_map(|event| event.passings(&segment.fresh, segment.ends));
-        let mut crossings: Vec<_> = said.collect();
+        let passes_hz = settings.own.natural_hz().map(|natural_hz| 2.0 * natural_hz);
+        let said = events.iter().map(|event| event.passings(&segment.fresh, segment.ends, passes_hz));
+        let (said, refused): (Vec<_>, Vec<usize>) = said.unzip();
+        let mut crossings: Vec<_> = said.into_iter().flatten().collect();
         crossings.sort_by_key(|(row, _)| *row);
         let data = EquationSegment {
             place: &segment.place,
             start_s: segment.start_s,
             time_s: &segment.time_s,
             inputs,
+            stated_inputs: device.own_inputs(),
             channels,
             events,
+            bends,
             samples,
             motion,
         };
-        let axes = [(judged, motion)];
+        // A filter knows the first rows of a drive; its motion is judged by what the drive is throughout.
+        let steady = data.inputs.iter().find_map(|input| input.sine().copied());
+        let judged_motion = match &settings.sine {
+            None => self::motion(&settings.own, steady.as_ref(), segment.interval_s),
+            Some(_) => motion,
+        };
+        let axes = [(judged, judged_motion)];
         let start_s = segment.start_s + settings.skip_s;
         let mut all = Vec::new();
         for (index, filter) in settings.filters.iter().enumerate() {
@@ -250,9 +272,10 @@ impl Estimator for EquationEstimator<'_> {
             remarks.extend(self.left_ranges.remarks(&settings.own.ranges, &all));
         }
         let drive_column = self.columns.inputs.first().copied().unwrap_or_default();
-        let axis = AngleAxis { angle: judged, motion, drive };
+        let axis = AngleAxis { angle: judged, motion: judged_motion, drive: steady };
         let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), all);
         estimate.remarks = remarks;
+        estimate.crossings_refused = refused.into_iter().sum();
         estimate.crossings = crossings.into_iter().map(|(_, crossing)| crossing).collect();
         kept.pass(&segment);
         past.numbers = kept.numbers();
@@ -261,8 +284,27 @@ impl Estimator for EquationEstimator<'_> {
     }
 
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
-        self.columns.require_usable(diagnosis, place, |_| true)
+        self.columns.require_usable(diagnosis, place, |_| true)?;
+        self.refused.take().map_or(Ok(()), Err)
     }
+}
+
+/// An input that bends by more than this many standard deviations of a signal within a sample has no known rate there.
+const BEND: f64 = 3.0;
+
+/// The rows at which the rate of an input is not known, and those whose rates are by such a row.
+fn bends(own: &OwnDevice, channels: &[SegmentChannel<'_>], of: (&[f64], &[SegmentDrive<'_>])) -> Vec<usize> {
+    if own.device.rated_inputs().is_empty() {
+        return Vec::new();
+    }
+    let rows = channels.iter().filter_map(|channel| {
+        Some(InputPart::of(own, channel.measure)?.bends(own, of, BEND * channel.variance.sqrt()))
+    });
+    let near = |k: usize| k.saturating_sub(SLOPE_REACH)..=k + SLOPE_REACH;
+    let mut rows: Vec<usize> = rows.flatten().flat_map(near).collect();
+    rows.sort_unstable();
+    rows.dedup();
+    rows
 }
 
 /// The measured channels over a segment, with the variance of a sample of each.
@@ -294,11 +336,12 @@ fn channels<'a>(
     columns.measured.iter().map(one).collect()
 }
 
-/// How fast the device moves that a steady drive moves, or none; as fast as a hundred samples where it does not oscillate.
+/// How fast the device moves that a steady drive moves, or none; as fast as a hundred samples where it does not oscillate. Under a drive the table
+/// may say that a cycle of it takes several of the drive.
 pub fn motion(own: &OwnDevice, drive: Option<&Sine>, interval_s: f64) -> MotionRate {
     let free_hz = || own.natural_hz().unwrap_or_else(|| interval_s.recip() / 100.0);
     MotionRate {
-        frequency_hz: drive.map_or_else(free_hz, |sine| sine.frequency_hz),
+        frequency_hz: drive.map_or_else(free_hz, |sine| sine.frequency_hz / own.drive_cycles),
         is_driven: drive.is_some(),
     }
 }
@@ -374,7 +417,8 @@ impl EquationFilterTask<'_> {
         let course_of = |(index, model)| {
             let course = EquationCourse::new(model, (self.data, &self.own.between), used, steps)
                 .answering(&self.own.device)
-                .taking_samples_for(self.filter.signal_variance);
+                .taking_samples_for(self.filter.signal_variance)
+                .taking_signal(self.filter.variant);
             // The model alone is corrected by nothing, wherever it starts.
             let corrects = basics.method != Method::Model;
             let started = StartedCourse::new(course, start_of(&starts, index).filter(|_| corrects));
@@ -387,8 +431,10 @@ impl EquationFilterTask<'_> {
             return answers_of_bank((basics, past), |index| Ok(known(index)), way, &states, self.progress);
         }
         let Some(model) = self.models.first() else { return Ok(Vec::new()) };
-        if self.sine.is_some() && basics.gain().is_some() && past.numbers.is_empty() {
+        let is_one_swing = self.own.is_one_swing() && basics.parameters().is_empty();
+        if (self.sine.is_some() || is_one_swing) && basics.gain().is_some() && past.numbers.is_empty() {
             past.numbers = known(0).mean;
+            past.numbers.extend(self.data.time_s.first().filter(|_| is_one_swing));
         }
         let operating = past.numbers.clone();
         let mut course = course_of((0, model));
@@ -443,6 +489,9 @@ impl EquationFilterTask<'_> {
                 variance: channel.variance,
             };
             return phase_lock((self.own, model), gain, &known, &of).map_err(|why| basics.no_gain(&why));
+        }
+        if self.own.is_one_swing() && basics.parameters().is_empty() {
+            return self.turning((gain, &known, &operating), model, channel);
         }
         let made = |rest: &MeanAndCovariance, step: &dyn Transition, sensor: &dyn Sensor| {
             let point = (step, sensor, channel.variance);

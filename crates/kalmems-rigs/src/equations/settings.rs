@@ -1,17 +1,19 @@
 //! From an experiment file to SI.
 
+use super::angles;
 use super::events::{self, EventSettings, FilterEventUse};
 use super::interpolation::Interpolation;
 use super::inversion::Inverse;
 use super::model::{EquationModel, RateDensity, StepRule, noises, pace};
 use super::names;
-use super::oscillation::MeasuredOscillation;
+use super::oscillation::{MeasuredOscillation, OscillationTable};
 use super::range::{QuantityRange, ranges};
 use super::sine::QuantitySine;
 use super::table::{EquationsTable, refused};
+use super::threshold;
 use crate::config::{
     ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, FilterStart, FilterTable, Key, Method,
-    Quantity, UncertainNumber, Values,
+    Quantity, UncertainNumber, Values, Variant,
 };
 use crate::estimate::driven::combinations;
 use crate::estimate::{
@@ -42,6 +44,10 @@ pub struct OwnDevice {
     pub bandwidths: Vec<f64>,
     /// The quantities that are described between some values alone.
     pub ranges: Vec<QuantityRange>,
+    /// The state that is the first angle of a swing, where the table has one.
+    angle: Option<usize>,
+    /// The cycles of the drive in one of the motion.
+    pub drive_cycles: f64,
     /// The signs of states that its measurements do not tell.
     pub hidden_signs: Vec<Vec<usize>>,
 }
@@ -60,8 +66,11 @@ impl OwnDevice {
         let bandwidth_hz = |named: &Named| table.bandwidth.get(&named.name).map_or(0.0, Quantity::si);
         let bandwidths = device.measures().iter().map(bandwidth_hz).collect();
         let ranges = ranges(experiment, &table, &device)?;
+        angles::check(experiment, &table, &device)?;
+        let angle = table.angles.iter().next().and_then(|(angle, _)| device.state(angle));
         let own = Self::with(device, values, between, &about).map_err(|error| refused(experiment, &error))?;
-        Ok(Self { bandwidths, ranges, ..own })
+        let drive_cycles = table.oscillation.as_ref().map_or(1.0, OscillationTable::drive_cycles);
+        Ok(Self { bandwidths, ranges, angle, drive_cycles, ..own })
     }
 
     fn with(
@@ -87,9 +96,20 @@ impl OwnDevice {
         let rest = found.unwrap_or_else(|| vec![0.0; states]);
         let hidden_signs = device.hidden_signs();
         let modes = Vec::new();
-        let (bandwidths, ranges) = (Vec::new(), Vec::new());
-        let mut own =
-            Self { device, values, rest, rests, held, modes, between, bandwidths, ranges, hidden_signs };
+        let mut own = Self {
+            device,
+            values,
+            rest,
+            rests,
+            held,
+            modes,
+            between,
+            bandwidths: Vec::new(),
+            ranges: Vec::new(),
+            angle: None,
+            drive_cycles: 1.0,
+            hidden_signs,
+        };
         let about =
             about.iter().zip(&own.rest).map(|(about, rest)| about.unwrap_or(*rest)).collect::<Vec<_>>();
         own.modes = modes_of(&own.linear_about(&motion, &about), states);
@@ -145,12 +165,22 @@ impl OwnDevice {
         pace(&self.modes)
     }
 
-    /// The state by which its motion is judged: the first that a measurement reads, or else the first.
+    /// The state by which its motion is judged: its angle, or the first that a measurement reads, or else the first.
     pub fn judged(&self) -> usize {
         let read = self.device.readout(0, &[]).ok();
         let first =
             read.and_then(|readout| readout.sparsity().find(|state| *state < self.device.own_states()));
-        first.unwrap_or(0)
+        self.angle.or(first).unwrap_or(0)
+    }
+
+    /// Whether it has an angle.
+    pub fn has_angle(&self) -> bool {
+        self.angle.is_some()
+    }
+
+    /// Whether its states are one angle and its rate.
+    pub fn is_one_swing(&self) -> bool {
+        self.angle == Some(0) && self.device.states().len() == 2
     }
 
     /// Its states, as trajectories name them.
@@ -166,7 +196,7 @@ pub fn modes_of(linear: &[f64], states: usize) -> Vec<Mode> {
 
 /// Where the first filter that says so has each state at the start, be it `start` or `start_about`; what is wrong with it is found where that filter
 /// is read.
-fn stated_starts(experiment: &Experiment, device: &Device) -> Vec<Option<f64>> {
+pub fn stated_starts(experiment: &Experiment, device: &Device) -> Vec<Option<f64>> {
     let filters = experiment.estimate.iter().flat_map(|estimate| estimate.filters.iter().enumerate());
     let one = |entry: &ExpectedEntry| {
         filters.clone().find_map(|(index, filter)| {
@@ -203,6 +233,8 @@ pub struct EquationFilterSettings {
     pub measures: Vec<usize>,
     /// The variance that it takes a sample of its one signal for, where that is not the noise's.
     pub signal_variance: Option<f64>,
+    /// What of the signal corrects it.
+    pub variant: Variant,
     /// How it uses the events.
     pub events: Vec<FilterEventUse>,
     /// The state that its measurement tells, where each sample is taken by itself.
@@ -233,6 +265,19 @@ impl EquationSettings {
             let remedy = "add the table `[estimate]` with `skip` and at least one `[[estimate.filter]]`";
             return Err(experiment.error("estimate", ConfigFault::MissingKey { remedy: remedy.to_owned() }));
         };
+        for (name, given) in
+            [("first_peak", estimate.first_peak.is_some()), ("first_peak_y", estimate.first_peak_y.is_some())]
+        {
+            if given {
+                let why = if own.hidden_signs.is_empty() {
+                    "the signal of this device says itself which way it moves; leave it out"
+                } else {
+                    "equations have no key for a sign that the signal does not tell: start the filter on the side that is meant, and leave it out"
+                };
+                let at = Key::from("estimate").child(name);
+                return Err(experiment.error(at, ConfigFault::Value { why: why.to_owned() }));
+            }
+        }
         let events = events::events(experiment, &own)?;
         if own.device.has_resets() && !events.is_empty() {
             let why = "the time of an event is followed back along the motion, which states that are set at once (`when`) interrupt; leave \
@@ -306,7 +351,8 @@ impl EquationFilterSettings {
             vec![Some(0.0); entries.len()]
         };
         let (noise_key, noise) = process_noise(experiment, &at, filter)?;
-        let density = some(experiment, &noise_key, noise, &names::densities(device))?;
+        let (table, _) = EquationsTable::of(experiment)?;
+        let density = some(experiment, &noise_key, noise, &names::densities(&table, device))?;
         let is_moved = |state: &usize| density[*state].is_some() || sd[*state].is_some();
         let held: Vec<usize> = sine
             .map_or(&[][..], QuantitySine::held)
@@ -342,14 +388,19 @@ impl EquationFilterSettings {
                 EquationStart::Stated { mean, sd }
             }
         };
-        let (table, _) = EquationsTable::of(experiment)?;
         let known = parameters(experiment, (&table, device));
         let scales: Vec<f64> = known
             .iter()
             .zip(&own.values)
             .map(|(parameter, value)| if parameter.is_factor() { *value } else { 1.0 })
             .collect();
-        let basics = FilterBasics::of(experiment, &at, filter, (known, &scales))?;
+        let mut basics = FilterBasics::of(experiment, &at, filter, (known, &scales))?;
+        let variant = filter.variant.unwrap_or_default();
+        if variant == Variant::Literal {
+            // Its gain is not that of its innovations: these are larger than it claims when nothing is wrong with a sample.
+            basics.taking.largest_nis = None;
+        }
+        threshold::check(experiment, (&at, filter))?;
         let measures = measures(experiment, &at, filter, device)?;
         let events = events::uses(experiment, own, events, (&at, filter))?;
         let all = 0..device.measures().len();
@@ -382,7 +433,18 @@ impl EquationFilterSettings {
         }
         // What the sine itself tells is not held by a start from it.
         let held = held.into_iter().filter(|state| sine.is_some_and(|sine| !sine.is_told(*state))).collect();
-        Ok(Self { basics, measures, signal_variance, events, inverse, oscillations, held, start, density })
+        Ok(Self {
+            basics,
+            measures,
+            signal_variance,
+            variant,
+            events,
+            inverse,
+            oscillations,
+            held,
+            start,
+            density,
+        })
     }
 
     /// What the file says of the states at the first sample; `None` where they come from the signal.

@@ -1,6 +1,7 @@
 //! A recording of a device of one's own that is computed.
 
 use super::feedback::{Loop, loops};
+use super::instrument::{InstrumentHistory, ShownQuantity, columns, instruments};
 use super::model::{noises, steps_over};
 use super::names;
 use super::settings::{OwnDevice, some};
@@ -12,13 +13,14 @@ use crate::config::{
 use crate::recording::RecordingSource;
 use crate::simulate::{
     Converter, Drive, SimulateError, SimulatedColumn, SimulatedInput, SimulatedSample, Simulation,
-    WhiteNoise, drive_of, input_of, parts_of_all,
+    WhiteNoise, captured, drive_of, input_of, parts_of_all,
 };
 use crate::units::kind;
 use kalmems_equations::{
     Device, EquationError, Motion, Named, NoiseKind, ProgramNumbers, Reading, ReadoutProgram, ResetStep,
     Resets, StepTables,
 };
+use std::collections::VecDeque;
 use std::ops::{ControlFlow, Range};
 
 /// A simulation by the equations: Runge and Kutta's method of fourth order in steps of the integration rate, behind each of which
@@ -39,7 +41,9 @@ pub struct EquationSimulation {
     /// How each measurement is sampled.
     sampling: Vec<Sampling>,
     periods: Vec<(usize, f64)>,
-    /// The events that are recorded, behind what is measured: their places, and the variances of their times and their expressions.
+    /// The instruments that are recorded, behind what is measured.
+    instruments: Vec<ShownQuantity>,
+    /// The events that are recorded, behind these: their places, and the variances of their times and their expressions.
     events: Vec<(usize, [f64; 2])>,
     recorded: Vec<SimulatedColumn>,
     truth: Vec<SimulatedColumn>,
@@ -88,6 +92,11 @@ fn stated_inputs(
                 input.name
             );
             return Err(experiment.error("simulate.drive.ring_down", ConfigFault::Value { why }).into());
+        }
+        (DriveSource::Capture(capture), [input])
+            if names::kind_of(input).dimension == kind::VOLTAGE.dimension =>
+        {
+            return Ok(vec![captured(capture)]);
         }
         (_, [input]) if names::kind_of(input).dimension == kind::VOLTAGE.dimension => {
             let (drive, source) = drive_of(experiment, simulate)?;
@@ -229,14 +238,18 @@ impl EquationSimulation {
         let variances = variances.into_iter().map(|variance| variance.unwrap_or(0.0)).collect();
         let periods = device.periods(&own.values).map_err(wrong)?;
         let events = recorded_events(&own).map_err(wrong)?;
+        let table = experiment.device_in_terms_of::<EquationsTable>()?;
+        let of_recording = (rate_hz.recip(), simulate.samples());
+        let instruments = instruments(experiment, (&table, &own), of_recording)?;
         let of_events = events.iter().map(|(event, _)| names::event_channel(&device.events()[*event]));
         let recorded = [
             names::channels(&device.inputs()[..device.own_inputs()]),
             names::channels(device.measures()),
+            columns(&own, &instruments),
             of_events.collect(),
         ]
         .concat();
-        let known = names::values(&*experiment.device_in_terms_of::<EquationsTable>()?, device);
+        let known = names::values(&table, device);
         let truth_of: Vec<usize> = known.iter().filter_map(|value| device.state(value.name)).collect();
         let of_states = truth_of.iter().map(|place| device.states()[*place].clone());
         let truth =
@@ -257,6 +270,7 @@ impl EquationSimulation {
             noises,
             sampling,
             periods,
+            instruments,
             events,
             recorded,
             truth,
@@ -497,13 +511,15 @@ impl Simulation for EquationSimulation {
             readings_of(own, 0..own.device.measures().len(), Device::readout).map_err(too_large)?;
         let mut quantities =
             readings_of(own, 0..own.device.quantities().len(), Device::quantity).map_err(too_large)?;
-        // One stream of random numbers for each measurement, and behind them one for each state.
+        // One stream of random numbers for each measurement and instrument, and behind them one for each state.
         let streams = |from: usize, count: usize| -> Vec<WhiteNoise> {
             (0..count).map(|stream| WhiteNoise::new(simulate.seed, (from + stream) as u64)).collect()
         };
         let mut of_samples = streams(0, readings.len());
-        let of_rates = streams(readings.len(), self.start.len());
-        let of_events = streams(readings.len() + self.start.len(), self.events.len());
+        let of_instruments = streams(readings.len(), self.instruments.len());
+        let before_rates = readings.len() + self.instruments.len();
+        let of_rates = streams(before_rates, self.start.len());
+        let of_events = streams(before_rates + self.start.len(), self.events.len());
         let mut events = self.simulated_events(of_events).map_err(too_large)?;
         // The stated rate, or a whole multiple of it that follows the fastest motion as well.
         let Some(parts) = steps_over(own.pace(), simulate.integration_rate.si().recip()) else {
@@ -521,11 +537,26 @@ impl Simulation for EquationSimulation {
         let mut inputs = vec![0.0; self.drives.len()];
         let mut drives = self.drives.clone();
         let turn = |state: &mut [f64]| turn(&self.periods, state);
+        let noises = (of_instruments, simulate.noise);
+        let history = InstrumentHistory::of(own, &self.instruments, noises, interval_s);
+        let mut history = history.map_err(too_large)?;
+        let [back, ahead] = history.as_ref().map_or([0; 2], InstrumentHistory::reach);
         // Before the recording, where an input asks for that.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative, and saturating
         let steps_before = (self.before_s * rate_hz).round() as u64;
+        if let Some(history) = &mut history {
+            let begins_s = -(steps_before as f64 / rate_hz);
+            let known = steps_before / steps;
+            history.push_before((&state, begins_s), (back.saturating_sub(known), steps), &drives);
+        }
         for left in (1..=steps_before).rev() {
             let from_to_s = (-(left as f64 / rate_hz), -((left - 1) as f64 / rate_hz));
+            if let Some(history) =
+                history.as_mut().filter(|_| left.is_multiple_of(steps) && left <= back * steps)
+            {
+                inputs_at(&drives, from_to_s.0, &mut inputs);
+                history.push(&state, &inputs);
+            }
             moved.advance(&drives, &mut state, from_to_s);
             turn(&mut state);
             if left.is_multiple_of(LOOK) && !state.iter().all(|x| x.is_finite()) {
@@ -534,7 +565,11 @@ impl Simulation for EquationSimulation {
         }
         let mut step_count = 0_u64;
         let mut before = state.clone();
-        for k in 0..self.samples() {
+        // Rows that wait for what an instrument shows of them.
+        let mut waiting: VecDeque<(f64, Vec<f64>, Vec<f64>)> = VecDeque::new();
+        let of_instruments = own.device.own_inputs() + readings.len();
+        let of_instruments = of_instruments..of_instruments + self.instruments.len();
+        for k in 0..self.samples() + ahead {
             let time_s = k as f64 * interval_s;
             inputs_at(&drives, time_s, &mut inputs);
             let (of_inputs, of_measures) = recorded.split_at_mut(own.device.own_inputs());
@@ -568,7 +603,22 @@ impl Simulation for EquationSimulation {
             if let Some(why) = left.next() {
                 return Err(SimulateError::NotDescribed { time_s, why });
             }
-            if each(&SimulatedSample { time_s, recorded: &recorded, truth: &truth }).is_break() {
+            let told = if let Some(history) = &mut history {
+                history.push(&state, &inputs);
+                if k < self.samples() {
+                    waiting.push_back((time_s, recorded.clone(), truth.clone()));
+                }
+                match waiting.pop_front_if(|_| k >= ahead) {
+                    Some((time_s, mut recorded, truth)) => {
+                        history.show(recorded.get_mut(of_instruments.clone()).unwrap_or_default());
+                        each(&SimulatedSample { time_s, recorded: &recorded, truth: &truth })
+                    }
+                    None => ControlFlow::Continue(()),
+                }
+            } else {
+                each(&SimulatedSample { time_s, recorded: &recorded, truth: &truth })
+            };
+            if told.is_break() {
                 return Err(SimulateError::Interrupted);
             }
             for _ in 0..steps {

@@ -1,12 +1,14 @@
 //! What an operator writes of a device of their own: the table `[device.equations]`.
 
 use super::curve::CurveTable;
+use super::instrument::InstrumentTable;
 use super::interpolation::Interpolations;
 use super::number::NumberText;
 use super::ordered::{OfElement, Ordered};
 use super::oscillation::OscillationTable;
 use super::range::RangeTable;
 use super::sine::SineTable;
+use super::threshold::PassedThreshold;
 use crate::config::kinds::Frequency;
 use crate::config::{ConfigError, ConfigFault, DeviceDescription, Experiment, Key, Positive, Quantity};
 use kalmems_equations::{
@@ -70,6 +72,9 @@ pub struct EquationsTable {
     /// Between which values a quantity is described; outside of them an estimate is named, and a simulation ends.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub range: Ordered<RangeTable>,
+    /// Instruments that show a quantity, such as a position detector: a simulation records them.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub instruments: Ordered<InstrumentTable>,
     /// Expressions that are zero where something happens.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub events: Ordered<String>,
@@ -77,6 +82,10 @@ pub struct EquationsTable {
     /// `bounce = { falls = "x - stop", set = { v = "-restitution*v" } }`.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub when: Ordered<ResetTable>,
+    /// States that are angles of a swing, each with the state that is its rate, such as `angle = "rate"`. A reference is compared in amplitude, phase and
+    /// peaks, and with these states alone.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub angles: Ordered<String>,
     /// The period of a state that comes round, such as `phase = "2*pi"`.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub cyclic: Ordered<String>,
@@ -92,6 +101,12 @@ pub struct EquationsTable {
     /// Where each parameter stands in the table that these equations were made from, where they were, with the power of it there.
     #[serde(skip)]
     pub keys: Option<ParameterKeys>,
+    /// What the noise of a state's rate is called in the table that these equations were made from, where that is not the state's name.
+    #[serde(skip)]
+    pub noise_keys: Vec<(&'static str, &'static str)>,
+    /// The event that the keys of a threshold are of, where the table that these equations were made from has such keys.
+    #[serde(skip)]
+    pub threshold: Option<PassedThreshold>,
     #[serde(skip)]
     read: OnceLock<Arc<Device>>,
 }

@@ -146,7 +146,7 @@ impl Rig for MicroStageRig {
         experiment.layout_to_estimate(index, &names, 1.0 / hardware.natural_hz())
     }
 
-    fn angles(&self) -> &'static [[&'static str; 2]] {
+    fn angles(&self, _: &Experiment) -> &'static [[&'static str; 2]] {
         &[]
     }
 

@@ -143,7 +143,7 @@ impl DeviceDescription for PistonMirror {
     const SUMMARY: &'static str = "A piston mirror for a Fourier-transform spectrometer.";
 
     fn in_other_terms(&self) -> Result<Option<OtherTerms>, (Key, String)> {
-        let meant = meant(&equations::motion(self), equations::keys);
+        let meant = meant(&equations::motion(self), equations::keys, None);
         meant.map(Some).map_err(|error| (Key::from("device.piston_mirror"), error.to_string()))
     }
 

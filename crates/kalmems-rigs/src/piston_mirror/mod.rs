@@ -20,6 +20,7 @@ use crate::config::{
 use crate::equations::{EquationsTable, Preset};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::OutlookTopic;
+use crate::progress::Progress;
 use crate::simulate::{SimulateError, SimulatedColumn};
 use crate::{Expansion, Template, TemplateChannel};
 pub use bound::{MotionBound, motion_bound};
@@ -98,7 +99,7 @@ impl Preset for PistonMirror {
         Some(LengthScale { key: "device.piston_mirror.capacitance.reference_distance", length })
     }
 
-    fn identify(experiment: &Experiment) -> Result<Identification, IdentifyError> {
+    fn identify(experiment: &Experiment, _: &dyn Progress) -> Result<Identification, IdentifyError> {
         identification::identify(experiment)
     }
 

@@ -29,10 +29,9 @@ use crate::estimate::{
     AngleAxis, DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SideOutputs,
     SignalSegment, rows_for_start, rows_to_start_again,
 };
-use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
-use crate::progress::{Interruption, Progress, Silent};
+use crate::progress::{Progress, Silent};
 use crate::recording::{Finding, RecordingLayout, SampledRecording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::simulate::{SimulateError, Simulation};
@@ -97,7 +96,7 @@ impl Rig for SharedScannerRig {
     }
 
     fn uses(&self, _: &Experiment) -> DeviceUses {
-        DeviceUses { no_methods: &NO_METHODS, ..DeviceUses::default() }
+        DeviceUses { angles: true, no_methods: &NO_METHODS, ..DeviceUses::default() }
     }
 
     fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
@@ -183,21 +182,6 @@ impl Rig for SharedScannerRig {
         progress: &dyn Progress,
     ) -> Result<Identification, IdentifyError> {
         identification::identify(experiment, progress)
-    }
-
-    fn evaluate(
-        &self,
-        estimate: &SegmentEstimate,
-        references: &[ReferenceMotion],
-        stop: &Interruption,
-    ) -> Vec<Option<MotionErrors>> {
-        let extent = ComparisonExtent {
-            from_s: estimate.from_s(),
-            motion_hz: estimate.motion.frequency_hz,
-            drive: estimate.drive.as_ref(),
-        };
-        let errors = |t| references.first().and_then(|reference| evaluate_motion(t, reference, extent, stop));
-        estimate.trajectories.iter().map(errors).collect()
     }
 }
 

@@ -1,13 +1,15 @@
 //! The threshold-sensing scanner: a position is known when the angle passes the comb's steepest point.
 
+use super::equations;
 use crate::config::Quantity;
 use crate::config::kinds::{
     Angle, Capacitance, Frequency, Length, LengthPerVoltage, PerAngle, Ratio, Resistance, SquareDriveGain,
     Time, Voltage, VoltagePerRate, VoltageVariance,
 };
 use crate::config::noise_schema;
-use crate::config::{DeviceDescription, Key};
+use crate::config::{DeviceDescription, Key, OtherTerms};
 use crate::config::{NotNegative, NotZero, Positive};
+use crate::equations::meant;
 use crate::evaluate::BeamPosition;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -167,6 +169,11 @@ impl PositionDetector {
 impl DeviceDescription for ThresholdScanner {
     const NAME: &'static str = "threshold_scanner";
     const SUMMARY: &'static str = "A scanner whose signal tells most when the angle passes a threshold.";
+
+    fn in_other_terms(&self) -> Result<Option<OtherTerms>, (Key, String)> {
+        let meant = meant(&equations::motion(self), equations::keys, Some(equations::threshold(self)));
+        meant.map(Some).map_err(|error| (Key::from("device.threshold_scanner"), error.to_string()))
+    }
 
     fn check(&self) -> Result<(), (Key, String)> {
         let at = |name: &str, why: String| {

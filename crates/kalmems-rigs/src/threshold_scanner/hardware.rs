@@ -25,7 +25,11 @@ pub struct ThresholdHardware {
 impl ThresholdHardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let device = experiment.device::<ThresholdScanner>()?;
+        experiment.device::<ThresholdScanner>().map(|device| Self::of_table(&device))
+    }
+
+    /// What the device's table says.
+    pub fn of_table(device: &ThresholdScanner) -> Self {
         let feedback_resistance = device.readout.feedback_resistance.si();
         let from_fingers = device.comb.fingers.as_ref().map(|fingers| {
             let fingers = CombFingers {
@@ -52,7 +56,7 @@ impl ThresholdHardware {
             natural_rate: TAU * device.resonator.natural_frequency.si(),
             damping_ratio: device.resonator.damping_ratio.si(),
         };
-        Ok(Self {
+        Self {
             mirror: CombDrivenMirror {
                 resonator,
                 comb,
@@ -62,7 +66,7 @@ impl ThresholdHardware {
             feedback_resistance,
             feedthrough: device.readout.feedthrough_capacitance.si(),
             noise_variance: device.readout.noise_variance.si(),
-        })
+        }
     }
 
     /// The frequency of the free motion in Hz.

@@ -1,6 +1,6 @@
 //! The main job on recordings of any length, in memory that does not grow with them.
 
-use super::{RecordingOutcome, WorkflowError, evaluate, require};
+use super::{EvaluatedPart, RecordingOutcome, WorkflowError, evaluate, require};
 use crate::config::{ConfigFault, Experiment, Key};
 use crate::estimate::{
     EstimateError, RowsAround, SegmentEstimate, SegmentPart, StretchAnswer, StretchJudge, StretchSummary,
@@ -212,7 +212,8 @@ impl RecordingWork<'_> {
         let estimates = (vec![estimate], StretchSummary::default());
         let work = (part.recording.clone(), estimates, known);
         // Of a part it takes no time that anybody would see.
-        evaluate((self.rig, self.experiment), described, work, Some((judge, part.ends)), &Silent)
+        let of_part = EvaluatedPart { judge, begins: part.begins, ends: part.ends };
+        evaluate((self.rig, self.experiment), described, work, Some(of_part), &Silent)
     }
 }
 

@@ -165,7 +165,7 @@ impl DiagnosisTrial {
         trajectory: &Trajectory,
         scored: std::ops::Range<usize>,
     ) {
-        let angle = || rig.angles().first().map(|[angle, _]| *angle);
+        let angle = || rig.angles(experiment).first().map(|[angle, _]| *angle);
         let name = rig.values(experiment).first().map(|value| value.name).or_else(angle);
         let named = name.and_then(|name| trajectory.state(name));
         let Some(state) = named.or_else(|| trajectory.states.first()) else { return };

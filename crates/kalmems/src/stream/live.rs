@@ -17,7 +17,7 @@ use crate::estimate::{
 use crate::progress::Progress;
 use crate::recording::{self, Finding, ReadError, Stretch, Stretches};
 use crate::results::StreamTracks;
-use crate::rigs::{Estimator, Rig};
+use crate::rigs::Estimator;
 use std::cell::Cell;
 use std::io;
 use std::ops::ControlFlow;
@@ -60,8 +60,9 @@ impl Progress for Stopping<'_> {
 }
 
 /// What an estimate of a stream needs to know.
-pub(super) struct StreamSettings<'a> {
-    pub rig: &'a dyn Rig,
+pub(super) struct StreamSettings {
+    /// The device's angles, each with its rate.
+    pub angles: &'static [[&'static str; 2]],
     /// Whether samples come as they are taken.
     pub is_live: bool,
     /// How many of them come in a second.
@@ -81,7 +82,7 @@ pub(super) struct StreamSettings<'a> {
 
 /// What is kept while samples arrive.
 pub(super) struct LiveEstimate<'a> {
-    settings: StreamSettings<'a>,
+    settings: StreamSettings,
     stopping: &'a Stopping<'a>,
     /// What went wrong while samples were waited for.
     failed: Option<io::Error>,
@@ -122,7 +123,7 @@ pub(super) struct LiveEstimate<'a> {
 
 impl<'a> LiveEstimate<'a> {
     pub(super) fn new(
-        settings: StreamSettings<'a>,
+        settings: StreamSettings,
         outputs: StreamOutputs,
         keeper: Option<StateWriter>,
         (arrivals, shared): (ArrivalTimes, Shared),
@@ -499,7 +500,7 @@ impl<'a> LiveEstimate<'a> {
         }
         let key = predictor.key();
         let place = trajectories.iter().position(|trajectory| trajectory.key == key).unwrap_or(0);
-        let of = self.settings.rig.angles().first().map_or("angle", |[angle, _]| angle);
+        let of = self.settings.angles.first().map_or("angle", |[angle, _]| angle);
         let [on_lines, on_frames] = self.settings.channel;
         for predicted in &predicted {
             if on_lines {
@@ -551,7 +552,7 @@ impl<'a> LiveEstimate<'a> {
         self.summary.crossings_refused += estimate.crossings_refused as u64;
         self.summary.events += crossings.len() as u64;
         self.writer.events(None, &crossings)?;
-        let (over, angles) = (self.settings.over, self.settings.rig.angles());
+        let (over, angles) = (self.settings.over, self.settings.angles);
         for (place, trajectory) in trajectories.iter().enumerate() {
             if self.watches.len() <= place {
                 self.watches.push((trajectory.key.clone(), TrajectoryWatch::new(over)));
@@ -597,7 +598,7 @@ impl<'a> LiveEstimate<'a> {
                 std::iter::once(estimate.motion).chain(estimate.other_axes.iter().map(|a| a.motion));
             let driven =
                 motions.filter(|motion| motion.is_driven).map(|MotionRate { frequency_hz, .. }| frequency_hz);
-            let has_angles = !self.settings.rig.angles().is_empty();
+            let has_angles = !self.settings.angles.is_empty();
             let interval_s = part.segment.time.interval_s().unwrap_or(f64::INFINITY);
             self.noise.begin(
                 driven.filter(|_| has_angles),

@@ -253,7 +253,7 @@ fn estimated(
     let mut stretches = Stretches::of_arriving(Box::new(table), Path::new("the stream"), &layout, begin)?;
     // A stretch that begins later begins as a recording does.
     let settings = live::StreamSettings {
-        rig,
+        angles: rig.angles(experiment),
         is_live,
         rate_hz,
         head: around.head,

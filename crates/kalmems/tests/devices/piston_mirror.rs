@@ -278,6 +278,25 @@ fn slow_a_drifting_amplitude_is_followed_without_lag() {
 }
 
 /// The example, which needs no other data: nanometres where a sample by itself tells tenths of a micrometre.
+/// An offset of the readout that is added to the recording is found as a state of it, in the unit of the signal.
+#[test]
+fn an_offset_of_the_readout_is_a_state() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/piston_mirror");
+    let path = folder.join("experiment.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let head = &text[..text.find("[[estimate.filter]]").unwrap()];
+    let filter = "[[estimate.filter]]\nname = \"offset\"\nmethod = \"ekf\"\nstart = \"from_signal\"\nprocess_noise = { frequency = \"1e-8 Hz^2/s\" }\n\
+                  readout = { offset = { start_sd = \"50 aF\" } }\n";
+    let text = format!("{head}{filter}").replace("\"cap_F\"", "{ column = \"cap_F\", offset = \"20 aF\" }");
+    let experiment = published().parse(&text, &path).unwrap();
+    let outcome = workflow::estimate(published(), &experiment, &Silent).unwrap();
+    let found = &outcome.recordings[0].segments[0].estimate.trajectories[0];
+    let offset = found.state("readout_offset").unwrap();
+    let (mean, sd) = (offset.mean.last().unwrap(), offset.sd.last().unwrap());
+    println!("{mean:e} ± {sd:e} F");
+    assert!((mean - 20e-18).abs() < 4.0 * sd && *sd < 10e-18, "{mean:e} {sd:e}");
+}
+
 #[test]
 fn the_example_reaches_nanometres() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/piston_mirror");

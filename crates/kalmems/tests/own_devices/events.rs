@@ -409,6 +409,9 @@ fn simulated_scanners(noise: bool, filters: &[(&str, &str, &str)]) -> [Experimen
     [rig, equations]
 }
 
+/// The angle at which the comb of the example is passed.
+const THRESHOLD: f64 = 7.7e-3;
+
 /// A time, and what is recorded and true then.
 type Row = (f64, Vec<f64>, f64);
 
@@ -436,9 +439,9 @@ fn an_expanded_threshold_scanner_is_simulated_as_by_its_rig_with_its_crossings()
         worst[0] = worst[0].max((rig_row.1[1] - text_row.1[1]).abs() / signal);
         worst[1] = worst[1].max((rig_row.2 - text_row.2).abs() / angle);
         if let Some((before_s, _, before)) = k.checked_sub(1).map(|k| &rig[k])
-            && (before - 3.7e-3) * (rig_row.2 - 3.7e-3) < 0.0
+            && (before - THRESHOLD) * (rig_row.2 - THRESHOLD) < 0.0
         {
-            passes.push(before_s + (rig_row.0 - before_s) * (3.7e-3 - before) / (rig_row.2 - before));
+            passes.push(before_s + (rig_row.0 - before_s) * (THRESHOLD - before) / (rig_row.2 - before));
         }
         if text_row.1[2].is_finite() {
             // A straight line between two samples is off by 0.15 rad*(3924/s*4 us)^2/8 at most, 5e-6 rad at 400 rad/s.

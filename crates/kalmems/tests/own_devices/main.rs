@@ -11,6 +11,7 @@ mod export_table;
 mod input_rate;
 mod measured_devices;
 mod measured_outliers;
+mod own_angles;
 mod own_circuit;
 mod own_commands;
 mod own_device;

@@ -253,14 +253,17 @@ pub fn same_bits_in_a_stream(
         let lines = &answers[&trajectory.key];
         assert_eq!(lines.len(), trajectory.time_s.len(), "{}", trajectory.key);
         for (k, line) in lines.iter().enumerate() {
-            let told = std::iter::once(trajectory.time_s[k]).chain(
-                trajectory
-                    .states
-                    .iter()
-                    .flat_map(|state| [state.mean[k], state.sd.get(k).copied().unwrap_or(f64::NAN)]),
-            );
+            let told = || {
+                std::iter::once(trajectory.time_s[k]).chain(
+                    trajectory
+                        .states
+                        .iter()
+                        .flat_map(|state| [state.mean[k], state.sd.get(k).copied().unwrap_or(f64::NAN)]),
+                )
+            };
             let same = |(a, b): (&f64, f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
-            assert!(line.iter().zip(told).all(same), "{} {k}: {line:?}", trajectory.key);
+            let words = || format!("{} {k}: {line:?} {:?}", trajectory.key, told().collect::<Vec<_>>());
+            assert!(line.iter().zip(told()).all(same), "{}", words());
         }
     }
     (events, summary)

@@ -6,6 +6,7 @@ use crate::progress::Interruption;
 use crate::recording::{RecordingColumn, Segment};
 use crate::signal::{
     SLOPE_REACH, Sine, cubic_between, fit_sine, fit_sine_near, fit_sine_until, quintic_middle, sample_slopes,
+    white_noise_variance,
 };
 use kalmems_core::Nodes;
 use std::cell::OnceCell;
@@ -25,7 +26,7 @@ pub struct SegmentDrive<'a> {
     /// The sines that stand in for rows without a drive, each from a row on.
     stand_ins: Vec<(usize, Sine)>,
     /// What the drive will do, by the rows from which on.
-    coming: Vec<(usize, Option<Sine>)>,
+    coming: Vec<ForeseenSine>,
     unknown: Option<(f64, usize)>,
     lag: InterpolationLag,
 }
@@ -102,7 +103,29 @@ pub struct DrivePast {
     /// Whether it is asked what the drive will do; and the sine that tells, by the rows of the segment from which on.
     pub foresees: bool,
     pub(in crate::estimate) lag: InterpolationLag,
-    coming: Vec<(usize, Option<Sine>)>,
+    coming: Vec<ForeseenSine>,
+}
+
+/// What tells how the drive goes on from a row of the segment on.
+#[derive(Clone, Copy, Debug)]
+struct ForeseenSine {
+    row: usize,
+    sine: Option<Sine>,
+    /// Whether what it leaves of its block is the noise of the samples: one whose amplitude drifts leaves more.
+    leaves_noise: bool,
+}
+
+/// The largest root mean square of what a sine leaves, in deviations of the noise that neighbouring samples show.
+const OF_NOISE: f64 = 1.5;
+
+impl ForeseenSine {
+    /// From this row on, by the block with these samples.
+    fn of(row: usize, sine: Option<Sine>, volts: &[f64]) -> Self {
+        let leaves_noise = sine.is_some_and(|sine| {
+            white_noise_variance(volts).is_none_or(|noise| sine.residual_rms <= OF_NOISE * noise.sqrt())
+        });
+        Self { row, sine, leaves_noise }
+    }
 }
 
 #[derive(Clone, Debug, Default)]
@@ -159,33 +182,34 @@ impl DrivePast {
 
     /// Of a segment that goes on from where another run left it, when its drive followed this sine.
     pub(crate) fn resumed(sine: Option<Sine>) -> Self {
-        let (fitted, coming) = (OnceCell::from(sine), vec![(BLOCK, sine)]);
+        let (fitted, coming) =
+            (OnceCell::from(sine), vec![ForeseenSine { row: BLOCK, sine, leaves_noise: true }]);
         Self { sine, first_sine: sine, rows: BLOCK, fitted, coming, ..Self::default() }
     }
 
     /// The sine that the drive was last known to follow.
     pub(crate) fn known(&self) -> Option<Sine> {
-        let coming = self.coming.iter().rev().find_map(|(_, sine)| *sine);
+        let coming = self.coming.iter().rev().find_map(|coming| coming.sine);
         let fitted = self.fitted.get().copied().flatten().filter(|sine| sine.amplitude > 0.0);
         coming.or(fitted).or(self.sine)
     }
 
     /// Finds the sine that tells what the drive will do from the rows of a new block on: that of the block before. Of the
-    /// first block it is its own.
-    fn foresee(&mut self, interval_s: f64) {
-        let is_known = self.coming.last().is_some_and(|(row, _)| *row == self.rows);
+    /// first block, whose samples these are, it is its own.
+    fn foresee(&mut self, first: &[f64], interval_s: f64) {
+        let is_known = self.coming.last().is_some_and(|coming| coming.row == self.rows);
         if !self.foresees || !self.present.time_s.is_empty() || is_known {
             return;
         }
-        let sine = if self.rows == 0 {
-            self.first_sine
+        let (sine, volts) = if self.rows == 0 {
+            (self.first_sine, first)
         } else {
-            let before = self.coming.iter().rev().find_map(|(_, sine)| sine.as_ref());
+            let before = self.coming.iter().rev().find_map(|coming| coming.sine.as_ref());
             // A drive that has changed is looked for anew; of a block that follows no sine, the one before it is kept.
             let anew = || fit_sine(&self.last.time_s, &self.last.volts, interval_s).filter(Sine::is_steady);
-            self.last.sine_like(before).or_else(anew).or(before.copied())
+            (self.last.sine_like(before).or_else(anew).or(before.copied()), &*self.last.volts)
         };
-        self.coming.push((self.rows, sine));
+        self.coming.push(ForeseenSine::of(self.rows, sine, volts));
     }
 
     /// Goes through new rows, block by block, and finds the sine for each block with rows whose drive is missing.
@@ -193,7 +217,7 @@ impl DrivePast {
         let mut from = rows.start;
         while from < rows.end {
             let end = rows.end.min(from + BLOCK - self.present.time_s.len());
-            self.foresee(interval_s);
+            self.foresee(&volts[from..rows.end.min(from + BLOCK)], interval_s);
             self.stand_in_for(time_s, volts, from..end, interval_s);
             self.present.time_s.extend_from_slice(&time_s[from..end]);
             self.present.volts.extend_from_slice(&volts[from..end]);
@@ -307,7 +331,7 @@ impl<'a> SegmentDrive<'a> {
         let unused = past.stand_ins.iter().skip(1).take_while(|(row, _)| *row < oldest).count();
         past.stand_ins.drain(..unused);
         // Rows before the new ones may be gone over again, as a smoother does.
-        let passed = past.coming.iter().skip(1).take_while(|(row, _)| *row <= first).count();
+        let passed = past.coming.iter().skip(1).take_while(|coming| coming.row <= first).count();
         past.coming.drain(..passed);
         past.take(time_s, volts, fresh, interval_s);
         // What is given in advance is as the next parts will find it.
@@ -324,7 +348,9 @@ impl<'a> SegmentDrive<'a> {
             stand_ins.pop_if(|(before, _)| *before == row);
             stand_ins.push((row, *sine));
         }
-        let coming = past.coming.iter().map(|(row, sine)| (row.saturating_sub(first), *sine)).collect();
+        let from_first =
+            |coming: &ForeseenSine| ForeseenSine { row: coming.row.saturating_sub(first), ..*coming };
+        let coming = past.coming.iter().map(from_first).collect();
         let (sine, first_sine) = (past.sine, past.first_sine);
         let mut drive =
             Self { time_s, volts, column, sine, first_sine, stand_ins, coming, unknown: None, lag: past.lag };
@@ -377,8 +403,12 @@ impl<'a> SegmentDrive<'a> {
 
     /// The sine by which the drive goes on behind row `k`, as far as the rows before its block tell; where it was asked for.
     pub fn continuation(&self, k: usize) -> Option<&Sine> {
-        let next = self.coming.partition_point(|(row, _)| *row <= k);
-        self.coming.get(next.checked_sub(1)?)?.1.as_ref()
+        self.foreseen(k)?.sine.as_ref()
+    }
+
+    fn foreseen(&self, k: usize) -> Option<&ForeseenSine> {
+        let next = self.coming.partition_point(|coming| coming.row <= k);
+        self.coming.get(next.checked_sub(1)?)
     }
 
     /// The sample at `k`, or what stands in for it where it is missing; whether it was missing.
@@ -393,13 +423,15 @@ impl<'a> SegmentDrive<'a> {
         }
     }
 
-    /// Its rate at each sample, per s: that of the sine by which it goes on, where that was asked for and the samples around are on it as well
+    /// Its rate at each sample, per s: that of the sine by which it goes on, where that was asked for, leaves noise alone, and the samples around are on it as well
     /// as noise lets them, and else that of the polynomial through those, which has all of their noise.
     pub fn rates(&self, interval_s: f64) -> Vec<f64> {
         let value = |k: usize| self.sample(k).0;
         let mut rates = sample_slopes(self.time_s, value, interval_s);
         for (k, rate) in rates.iter_mut().enumerate() {
-            let Some(sine) = self.continuation(k).filter(|sine| sine.amplitude > 0.0) else { continue };
+            let foreseen = self.foreseen(k).filter(|coming| coming.leaves_noise);
+            let sine = foreseen.and_then(|coming| coming.sine.as_ref());
+            let Some(sine) = sine.filter(|sine| sine.amplitude > 0.0) else { continue };
             let around = k.saturating_sub(SLOPE_REACH)..(k + SLOPE_REACH + 1).min(self.time_s.len());
             let bound = ON_THE_SINE * sine.residual_rms;
             if around.into_iter().all(|k| (value(k) - sine.at(self.time_s[k])).abs() <= bound) {

@@ -33,6 +33,10 @@ pub struct TurningGain<const N: usize> {
     filtered: Covariance<f64, N>,
 }
 
+/// What a device is linearised to at a state and a time in s: the slopes of its rates, and those of its signal.
+pub type LinearisedDevice<'a, const N: usize> =
+    dyn Fn(&[f64; N], f64) -> (Mat<f64, N, N>, Mat<f64, 1, N>) + 'a;
+
 /// A steady motion about which a device is linearised.
 #[derive(Clone, Copy)]
 pub struct SteadySwing<'a> {
@@ -56,9 +60,25 @@ impl<const N: usize> TurningGain<N> {
         plant: &PlainModel<D, H, N>,
         motion: SteadySwing,
         mean: [f64; N],
+        samples: (f64, f64),
+    ) -> Result<Self, String> {
+        let linearised = |x: &[f64; N], time_s: f64| {
+            let jacobian = plant.dynamics.jacobian(x, &(motion.drive)(time_s));
+            (jacobian, plant.readout.linearize(x).1)
+        };
+        let noise = Mat::from_fn(|i, j| plant.noise.get(i, j));
+        Self::of((gain, mean), (&linearised, noise), (motion.swings, motion.over_s), samples)
+    }
+
+    /// The same for what a device is linearised to at a state and a time in s, its rates' slopes and those of its signal, with the density of its noise;
+    /// of these swings, whose means are taken over a time from its begin in s on.
+    pub fn of(
+        (gain, mean): (GainOf, [f64; N]),
+        device: (&LinearisedDevice<'_, N>, Mat<f64, N, N>),
+        motion: (&[Swing], [f64; 2]),
         (interval_s, noise_variance): (f64, f64),
     ) -> Result<Self, String> {
-        let rates = std::array::from_fn(|i| motion.swings.get(i / 2).map_or(f64::NAN, |swing| swing.rate));
+        let rates = std::array::from_fn(|i| motion.0.get(i / 2).map_or(f64::NAN, |swing| swing.rate));
         let slowest = rates.into_iter().fold(f64::INFINITY, f64::min);
         if let GainOf::Poles(corner) = gain
             && corner * FASTER > slowest
@@ -70,7 +90,7 @@ impl<const N: usize> TurningGain<N> {
                 corner / TAU
             ));
         }
-        let SteadyMeans { system, density, information } = SteadyMeans::of(plant, motion, &rates);
+        let SteadyMeans { system, density, information } = SteadyMeans::of(device, motion, &rates);
         // A root of G is an observation of as many numbers as there are states, each with the noise of a sample.
         let lower = Cholesky::of_semidefinite(&Covariance::from_lower(information));
         let observation = Mat::from_fn(|i, j| lower.0[j][i]);
@@ -148,19 +168,18 @@ struct SteadyMeans<const N: usize> {
 }
 
 impl<const N: usize> SteadyMeans<N> {
-    fn of<D: Dynamics<f64, N, Input = f64>, H: Measurement<f64, N, 1>>(
-        plant: &PlainModel<D, H, N>,
-        motion: SteadySwing,
+    fn of(
+        (linearised, noise): (&LinearisedDevice<'_, N>, Mat<f64, N, N>),
+        (swings, [from_s, length_s]): (&[Swing], [f64; 2]),
         rates: &[f64; N],
     ) -> Self {
-        let [from_s, length_s] = motion.over_s;
         let fastest = rates.iter().copied().fold(0.0, f64::max);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let points = (POINTS * length_s * fastest / TAU).ceil() as usize;
         let [mut system, mut density, mut information] = [Mat::<f64, N, N>::zero(); 3];
         for point in 0..points {
             let time_s = from_s + length_s * point as f64 / points as f64;
-            let now: Vec<[f64; 2]> = motion.swings.iter().map(|swing| swing.at(time_s)).collect();
+            let now: Vec<[f64; 2]> = swings.iter().map(|swing| swing.at(time_s)).collect();
             let x = std::array::from_fn(|i| now.get(i / 2).map_or(f64::NAN, |swing| swing[i % 2]));
             let turn = turned(&x, rates);
             // T⁻¹, and dT/dt of a phase that turns with ω.
@@ -172,10 +191,11 @@ impl<const N: usize> SteadyMeans<N> {
                 let ((sine, cosine), rate) = (phase(&x, rates, first), rates[first]);
                 [[rate * cosine, -rate * sine], [-rate * rate * sine, -rate * rate * cosine]]
             });
-            let moved = plant.dynamics.jacobian(&x, &(motion.drive)(time_s)).times(&turn);
+            let (jacobian, seen) = linearised(&x, time_s);
+            let moved = jacobian.times(&turn);
             let moved = Mat::<f64, N, N>::from_fn(|i, j| moved.0[i][j] - turning.0[i][j]);
-            let seen: Mat<f64, 1, N> = plant.readout.linearize(&x).1.times(&turn);
-            let noise = Covariance::from_lower(Mat::from_fn(|i, j| plant.noise.get(i, j))).transformed(&back);
+            let seen: Mat<f64, 1, N> = seen.times(&turn);
+            let noise = Covariance::from_lower(noise).transformed(&back);
             let share = (points as f64).recip();
             system = system.plus(&back.times(&moved).scaled(share));
             density = density.plus(&noise.lower_triangle().scaled(share));

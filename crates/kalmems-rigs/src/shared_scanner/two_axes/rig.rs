@@ -12,9 +12,8 @@ use crate::estimate::{
     AngleAxis, DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
     rows_for_start, rows_to_start_again,
 };
-use crate::evaluate::{ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
 use crate::outlook::Outlook;
-use crate::progress::{Interruption, Progress, Silent};
+use crate::progress::{Progress, Silent};
 use crate::recording::{Finding, RecordingLayout, SampledRecording};
 use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
@@ -70,7 +69,7 @@ impl Rig for TwoAxesRig {
     }
 
     fn uses(&self, _: &Experiment) -> DeviceUses {
-        DeviceUses { no_methods: &NO_METHODS, ..DeviceUses::default() }
+        DeviceUses { angles: true, no_methods: &NO_METHODS, ..DeviceUses::default() }
     }
 
     fn parameters(&self, _: &Experiment) -> &'static [DeviceParameter] {
@@ -94,7 +93,7 @@ impl Rig for TwoAxesRig {
         experiment.layout_to_estimate(index, &columns(experiment, index)?, 1.0 / slowest_hz)
     }
 
-    fn angles(&self) -> &'static [[&'static str; 2]] {
+    fn angles(&self, _: &Experiment) -> &'static [[&'static str; 2]] {
         &ANGLES
     }
 
@@ -135,29 +134,6 @@ impl Rig for TwoAxesRig {
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
         simulation(experiment)
-    }
-
-    fn evaluate(
-        &self,
-        estimate: &SegmentEstimate,
-        references: &[ReferenceMotion],
-        stop: &Interruption,
-    ) -> Vec<Option<MotionErrors>> {
-        let from_s = estimate.from_s();
-        let first = (ANGLES[0][0], estimate.motion, estimate.drive.as_ref());
-        let others = estimate.other_axes.iter().map(|axis| (axis.angle, axis.motion, axis.drive.as_ref()));
-        let axes: Vec<_> = std::iter::once(first).chain(others).collect();
-        let errors = |trajectory| {
-            let mut found = axes.iter().filter_map(|(angle, motion, drive)| {
-                let reference = references.iter().find(|reference| reference.states[0] == *angle)?;
-                let extent = ComparisonExtent { from_s, motion_hz: motion.frequency_hz, drive: *drive };
-                evaluate_motion(trajectory, reference, extent, stop)
-            });
-            let mut first = found.next()?;
-            first.other_angles = found.collect();
-            Some(first)
-        };
-        estimate.trajectories.iter().map(errors).collect()
     }
 }
 

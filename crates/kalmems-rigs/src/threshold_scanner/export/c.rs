@@ -59,7 +59,6 @@ pub fn files(
         ("a11", float(scaled.system.0[1][1])),
         ("threshold", float(scaled.angle)),
         ("least", float(scaled.least_variance)),
-        ("per_steepest", float(scaled.per_steepest)),
         ("gate", gate),
         ("parameter", parameter.to_owned()),
         ("of_crossing", of_crossing.to_owned()),
@@ -400,15 +399,9 @@ static int correct(@name@_t *filter, float h0, float h1, float residual, float n
 /* Corrects by a crossing that is known now, where the signal has a zero there. */
 static int cross(@name@_t *filter)
 {
-    float displacement, slope, rate_squared, noise, h0, h1, t0, t1;
+    float displacement, slope, rate, noise, h0, h1, t0, t1;
     int k;
     if (!zero_crossing(filter, &displacement, &slope)) {
-        return 1;
-    }
-    /* Where h is 0 the slope is h' times the rate squared. */
-    rate_squared = size_of(slope) * @per_steepest@;
-    noise = @value_gain@ / (slope * slope) * rate_squared + @least@;
-    if (!is_finite(noise)) {
         return 1;
     }
     /* The angle then, by the state now: the first row of e^(-A t), here by a series in the displacement. */
@@ -423,6 +416,12 @@ static int cross(@name@_t *filter)
         }
         h0 = h0 + t0;
         h1 = h1 + t1;
+    }
+    /* The rate then makes an error of the time one of the angle. */
+    rate = h0 * filter->rate + h1 * (@a10@ * filter->angle + @a11@ * filter->rate);
+    noise = @value_gain@ / (slope * slope) * (rate * rate) + @least@;
+    if (!is_finite(noise)) {
+        return 1;
     }
     filter->crossings++;
     return correct(filter, h0, h1, @threshold@ - (h0 * filter->angle + h1 * filter->rate), noise@of_crossing@);

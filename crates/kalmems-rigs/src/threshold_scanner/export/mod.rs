@@ -3,67 +3,91 @@
 mod c;
 mod scaled;
 
-use super::course::LEAST_VARIANCE;
-use super::settings::ThresholdScannerSettings;
-use crate::config::{CrossingApplication, CrossingTiming, Experiment, Method, Variant};
-use crate::crossings::Acceptance;
+use super::equations::LEAST_VARIANCE;
+use super::hardware::ThresholdHardware;
+use crate::config::{
+    CrossingApplication, CrossingTiming, ExpectedEntry, Experiment, FilterStart, Key, Method, Quantity, Sign,
+    Values, Variant,
+};
+use crate::crossings::{Acceptance, DetectorSettings};
+use crate::estimate::process_noise;
 use crate::export::{ExportError, ExportTask, ExportableFilter, FilterSource, SourceLanguage};
 use crate::source_code::rust_module;
+use crate::units::kind;
 use scaled::{CrossingSettings, ThresholdFilter};
 
-/// The filter at this place of the file.
-pub fn exported(experiment: &Experiment, place: usize) -> Result<ThresholdFilter, ExportError> {
-    let settings = ThresholdScannerSettings::of(experiment)?;
-    let (hardware, filter) = (&settings.hardware, &settings.filters[place]);
+/// The filter at this place of the file, which is told of crossings; `None` of one whose equations say all of it.
+pub fn exported(experiment: &Experiment, place: usize) -> Result<Option<ThresholdFilter>, ExportError> {
+    let hardware = ThresholdHardware::of(experiment)?;
+    let estimate = experiment.estimate.iter();
+    let Some((estimate, filter)) = estimate.filter_map(|all| Some((all, all.filters.get(place)?))).next()
+    else {
+        return Ok(None);
+    };
+    let Some(threshold) = &filter.threshold else { return Ok(None) };
     let refuse =
-        |why: &str| Err(ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_owned() });
-    if filter.basics.method != Method::Ekf || filter.variant != Variant::Full {
-        return refuse("of this device, the method `ekf` with the variant `full` can be exported");
+        |why: &str| Err(ExportError::Filter { filter: filter.name.to_string(), why: why.to_owned() });
+    if filter.method != Method::Ekf || filter.variant.unwrap_or_default() != Variant::Full {
+        return refuse(
+            "of the filters that are told of crossings, the method `ekf` with the variant `full` can be exported",
+        );
     }
-    if !(filter.basics.tracked.is_empty() && filter.basics.readout.is_empty()) {
+    if !filter.states.is_empty() {
         return refuse("it has other states than angle and rate; leave `states` out");
     }
     if hardware.mirror.drive_gain != 0.0 || hardware.feedthrough != 0.0 {
         return refuse(
-            "the drive moves the mirror or reaches the signal; a mirror that swings freely can be exported",
+            "the drive moves the mirror or reaches the signal; a mirror that swings freely can be exported with its detector",
         );
     }
-    let (Some(detector), Some(threshold)) = (settings.crossings, filter.threshold) else {
-        return refuse("it uses no crossings; add `[estimate.crossings]` and `threshold = {}`");
-    };
-    let Acceptance::Deviations(deviations) = detector.acceptance else {
+    let detector = estimate.crossings.as_ref().map(DetectorSettings::from);
+    let Some((detector, Acceptance::Deviations(deviations))) =
+        detector.map(|detector| (detector, detector.acceptance))
+    else {
         return refuse(
             "its crossings are accepted by a rate of false alarms; give `threshold` in `[estimate.crossings]`",
         );
     };
-    let told = (threshold.timing, threshold.delivery.applied, threshold.delivery.lag_s, threshold.angle_sd);
+    let told = (threshold.timing, threshold.applied, &threshold.lag, &threshold.angle_sd);
     let (CrossingTiming::ZeroCrossing, CrossingApplication::Late, None, None) = told else {
         return refuse(
             "it takes crossings otherwise than by their zero as soon as they are known; leave `timing`, `applied`, `lag` and `angle_sd` out",
         );
     };
-    if filter.from_signal {
+    let Some(FilterStart::Values(start)) = &filter.start else {
         return refuse(
             "it starts from the signal; give `start` as values, such as `{ angle = \"-0.1 rad\", rate = \"400 rad/s\" }`",
         );
-    }
-    Ok(ThresholdFilter {
+    };
+    let at = Key::from("estimate").child("filter").index(place);
+    let values = |key: &str, values: &Values, sign: Sign| {
+        let entries = [
+            ExpectedEntry::new("angle", &kind::ANGLE, sign),
+            ExpectedEntry::new("rate", &kind::ANGULAR_RATE, sign),
+        ];
+        experiment.values(at.clone().child(key), values, entries)
+    };
+    let noise =
+        [ExpectedEntry::new("angular_acceleration", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative)];
+    let (noise_key, of_noise) = process_noise(experiment, &at, filter)?;
+    let [acceleration_density] = experiment.values(noise_key, of_noise, noise)?;
+    Ok(Some(ThresholdFilter {
         resonator: hardware.mirror.resonator,
         readout: hardware.readout,
         noise_variance: hardware.noise_variance,
-        signal_variance: filter.signal_variance,
-        acceleration_density: filter.acceleration_density,
-        start: filter.start,
-        start_sd: filter.start_sd,
+        signal_variance: filter.signal_variance.as_ref().map_or(hardware.noise_variance, Quantity::si),
+        acceleration_density,
+        start: values("start", start, Sign::Any)?,
+        start_sd: values("start_sd", &filter.start_sd, Sign::Positive)?,
         crossings: CrossingSettings {
             width_s: detector.width_s,
             separation_s: detector.separation_s,
             deviations,
-            angle: threshold.angle,
+            angle: threshold.angle.as_ref().map_or(hardware.readout.comb.centre, Quantity::si),
             least_variance: LEAST_VARIANCE,
-            gate_nis: threshold.gate_nis.unwrap_or(f64::INFINITY),
+            gate_nis: threshold.gate.map_or(f64::INFINITY, |sds| sds * sds),
         },
-    })
+    }))
 }
 
 impl ExportableFilter for ThresholdFilter {

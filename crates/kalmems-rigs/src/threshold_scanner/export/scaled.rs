@@ -93,8 +93,6 @@ pub struct ScaledThreshold {
     pub memory: usize,
     /// The response that counts, in standard deviations of that to noise.
     pub deviations: f64,
-    /// 1/|h′| where h is 0.
-    pub per_steepest: f64,
     /// The angle of a crossing.
     pub angle: f64,
     /// The variance that it has at least.
@@ -145,7 +143,6 @@ impl ThresholdFilter {
             look_ahead,
             memory: look_ahead + fit + 3 * fit / 8 + 2,
             deviations: crossings.deviations,
-            per_steepest: (sd * interval_s / (comb.steepest() * unit * unit)).abs(),
             angle: crossings.angle / unit,
             least_variance: crossings.least_variance / (unit * unit),
             gate_nis: Some(crossings.gate_nis).filter(|nis| nis.is_finite()),
@@ -221,7 +218,6 @@ impl ScaledThreshold {
                 ("look_ahead", &self.look_ahead),
                 ("memory", &self.memory),
                 ("offset", &number(self.offset)),
-                ("per_steepest", &number(self.per_steepest)),
                 ("per_volt", &number(self.per_volt)),
                 ("policy", &policy),
                 ("q00", &q00),
@@ -349,8 +345,9 @@ impl<T: Scalar<Mask = bool>> Estimator<T> {
         let Some(crossing) = self.finder.crossing(&self.fit, of(@offset@)) else { return Ok(()) };
         let free = Mat([[of(0.0), @a01@], [@a10@, @a11@]]);
         let past = angle_at(&free, of(@look_ahead@.0) - crossing.displacement);
-        // y′ = h′·ω² where h is 0.
-        let rate = (crossing.slope.abs() * of(@per_steepest@)).sqrt();
+        // The rate then, h·A·x, makes an error of the time one of the angle.
+        let ([by_angle, by_rate], [angle, rate]) = (past.matrix.times(&free).0[0], *self.filter.mean());
+        let rate = by_angle * angle + by_rate * rate;
         let variance = angle_variance(crossing.timing_variance, rate, of(1.0)) + of(@least@);
         self.crossings += 1;
         self.filter

@@ -15,13 +15,13 @@ pub use decay::{DecayError, DecayFit, DecayRecord, fit_decay, unknown};
 use super::hardware::ThresholdHardware;
 use super::{MEANINGS, POSITION};
 use crate::config::{ConfigFault, Experiment, Quantity, RecordingRole, Reference};
+use crate::equations::Preset;
 use crate::evaluate::ReferenceChannels;
 use crate::fit::DerivedNumber;
 use crate::identify::{Entries, Identification, IdentifyError, Material, exact};
 use crate::progress::Progress;
 use crate::recording::SampledRecording;
 use crate::threshold_scanner::device::ThresholdScanner;
-use crate::threshold_scanner::instruments;
 use crate::units::kind;
 use std::f64::consts::TAU;
 
@@ -38,13 +38,14 @@ struct DecayResult {
 /// Identifies the device from the experiment's free decay.
 pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
     let hardware = ThresholdHardware::of(experiment)?;
+    let instruments = experiment.device::<ThresholdScanner>()?.instruments();
     let [drive, signal] = MEANINGS;
     let material = Material::of_role(
         experiment,
         RecordingRole::RingDown,
         (signal, &kind::VOLTAGE),
         &[drive, POSITION],
-        &ReferenceChannels::one_angle(instruments(experiment)?),
+        &ReferenceChannels::one_angle(instruments),
         progress,
     )?
     .ok_or_else(|| {
@@ -62,7 +63,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         return Err(material.unfit(why.to_owned()));
     }
     drive_is_off(experiment, &material, progress)?;
-    let beam = instruments(experiment)?.beam;
+    let beam = instruments.beam;
     let record = DecayRecord {
         interval_s: material.interval_s,
         signal: &material.signal,

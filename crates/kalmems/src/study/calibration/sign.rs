@@ -32,8 +32,9 @@ pub(in super::super) fn state_signs(
         ReferenceRecording::read_by(told, place, &rig.reference(told)?, |layout| simulated.truth(layout))?;
     let (Some(truth), Some(segment)) = (truth, recording.segments().first()) else { return Ok(()) };
     let motions = truth.angles_of(segment)?;
+    let angles = rig.angles(told);
     let first_peak = |axis: usize| {
-        let (states, from_s) = (rig.angles().get(axis)?, from_s.get(axis)?);
+        let (states, from_s) = (angles.get(axis)?, from_s.get(axis)?);
         first_peak(motions.iter().find(|motion| motion.states == *states)?, *from_s)
     };
     if let Some(own) = &mut told.estimate {

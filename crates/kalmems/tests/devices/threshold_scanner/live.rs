@@ -459,7 +459,8 @@ fn a_long_recording_is_estimated_in_parts_and_refused_by_all_of_it() {
         }
     }
     let crossings: Vec<RecordedPassing> = parts.iter().flat_map(|part| part.crossings.clone()).collect();
-    assert!(crossings == whole.crossings && crossings.len() > 300);
+    assert_eq!(crossings, whole.crossings);
+    assert!(crossings.len() > 300);
 
     // Clipped somewhere.
     let clipped = outcome(&mut rows.iter().map(|[t, drive, y]| line(&[*t, *drive, y.clamp(-0.7, 0.7)])));

@@ -1,6 +1,7 @@
-//! Whether a signal is that of the comb.
+//! Whether a signal crosses its level as the device says.
 
-use crate::crossings::{LOUD, SearchTally};
+use super::fallback::LOUD;
+use super::search::SearchTally;
 use crate::estimate::{EstimateError, SignalSegment};
 
 /// How many times as steep as its rises a signal must fall to be taken for reversed.
@@ -8,7 +9,7 @@ const SIGN_RATIO: f64 = 1.5;
 
 /// Judges a signal by what was found until the end of a part: a segment that is whole, or whose beginning shows that it is wrong,
 /// is refused at once; what a longer one is refused for at its end is given back, for when all of the recording was taken.
-pub fn judge(
+pub fn judge_crossings(
     tally: SearchTally,
     segment: &SignalSegment,
     place: (&str, &str),
