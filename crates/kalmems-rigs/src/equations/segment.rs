@@ -20,7 +20,7 @@ use crate::estimate::driven::{BLOCK, DrivePast, HYBRID_STEPS, InterpolationLag, 
 use crate::estimate::{
     AngleAxis, AnyFilter, BatchStart, Course, EstimateError, FilterPast, MeanAndCovariance, MotionRate, Past,
     RowsAround, SampleSelection, SegmentEstimate, SegmentPart, Sensor, SignalSegment, StartedCourse,
-    Trajectory, Transition, answers_of_bank, follow,
+    Trajectory, Transition, answers_of_bank, begun, follow,
 };
 use crate::progress::{Interruption, Progress};
 use crate::recording::Finding;
@@ -439,7 +439,9 @@ impl EquationFilterTask<'_> {
         let operating = past.numbers.clone();
         let mut course = course_of((0, model));
         let way = (&mut course as _, &self.data.samples);
-        let begin = |left| self.begin((left, known(0), operating), model, &channels);
+        // A start from the signal has the states of the readout, as what another run left has.
+        let begin =
+            |left| self.begin((begun(left, start_of(&starts, 0)), known(0), operating), model, &channels);
         let mut all = follow((basics, past), begin, way, &states, self.progress)?;
         if basics.method == Method::Model {
             all.iter_mut().for_each(Trajectory::mark_model_alone);
