@@ -76,6 +76,15 @@ impl LawForm for Logistic {
     fn value<S: Scalar>(a: &LawArguments<S>) -> S {
         logistic(a).sensitivity(a[0])
     }
+    fn along_first(a: &LawArguments<f64>) -> [f64; 3] {
+        // Of s and its derivatives by u, s′ = e^{−|u|}/(1 + e^{−|u|})² and s″ = −2·s·s′: one exponential for all.
+        let [angle, centre, gain, steepness, ..] = *a;
+        let u = (angle - centre) * steepness;
+        let left = Scalar::exp(-u.abs());
+        let form = ((1.0 - left) / (1.0 + left)).half().copysign(u);
+        let slope = gain * steepness * (left / ((1.0 + left) * (1.0 + left)));
+        [form * gain, slope, -2.0 * steepness * form * slope]
+    }
 }
 
 struct LogisticChange;
@@ -184,5 +193,23 @@ pub(crate) fn partial(law: LawId, by: &[u8], a: &LawArguments<f64>) -> f64 {
         [i, j] => second(of_law!(law, value, &seeded(&seeded(a, i), j))),
         [0, i, j] => second(of_law!(law, slope, &seeded(&seeded(a, i), j))),
         _ => f64::NAN,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_logistic_comb_at_once_is_that_of_dual_numbers() {
+        for angle in [-9.0, -0.7, -0.02, 0.0037, 0.0038, 0.05, 3.0] {
+            let arguments = [angle, 0.0037, 2.82e-3, -76.0, 0.0, 0.0, 0.0];
+            let by = |by: &[u8]| partial(LawId::LogisticComb, by, &arguments);
+            let expected = [by(&[]), by(&[0]), by(&[0, 0])];
+            for (found, expected) in Logistic::along_first(&arguments).into_iter().zip(expected) {
+                let error = (found - expected).abs();
+                assert!(error <= 4e-14 * expected.abs(), "{angle}: {found} and not {expected}");
+            }
+        }
     }
 }
