@@ -41,6 +41,7 @@ mod sensitivity;
 mod stop;
 mod suspect;
 mod trial;
+mod unused;
 
 pub use answer::AnswerChange;
 pub use check_numbers::{NumberCheck, check_numbers, check_numbers_of};
