@@ -62,7 +62,9 @@ impl UsedNames {
             if asked.is_empty() {
                 return;
             }
-            asked.iter().for_each(|(_, value)| self.take(value));
+            for (_, value) in asked {
+                self.take(value);
+            }
             left = others;
         }
     }
