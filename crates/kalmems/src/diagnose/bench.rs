@@ -6,6 +6,7 @@ use super::document::{document, text};
 use super::stop::StopFlag;
 use super::trial::DiagnosisTrial;
 use crate::config::{ConfigFault, Experiment, FilterStart, Key, Method, RecordingRole, exactly, put};
+use crate::evaluate::StepErrors;
 use crate::identify::Material;
 use crate::progress::{Progress, ReaderProgress};
 use crate::recording::{SampledRecording, StretchSize, Stretches};
@@ -290,6 +291,22 @@ impl<'a> TrialBench<'a> {
     /// What the filter says in each direction of what the experiment states as uncertain, with one standard deviation more there.
     pub(super) fn in_uncertain_directions(&self) -> impl Iterator<Item = DiagnosisTrial> {
         self.varied.iter().filter_map(|told| self.run_experiment(told, &[], (Judged::No, &|_| true)))
+    }
+
+    /// How far its steps lead it astray in the first recording, with this number of them from each sample to the next or as many as it plans;
+    /// `None` where that is not followed.
+    pub(super) fn step_errors(&self, steps: Option<u32>) -> Option<StepErrors> {
+        let mut document = self.document.clone();
+        if let Some(steps) = steps {
+            let key = Key::from("estimate").child("filter").index(0).child("steps");
+            put(&mut document, &key, Value::Integer(steps.into())).ok()?;
+        }
+        let told = self.workbench.parse(&toml::to_string(&document).ok()?, self.experiment.path()).ok()?;
+        let (index, recording) = self.recordings.first()?;
+        let estimates =
+            self.workbench.rig(&told).ok()?.estimate(&told, *index, recording, &self.stop).ok()?;
+        let estimate = estimates.first()?;
+        StepErrors::of(estimate.trajectories.first()?, estimate.start_s + estimate.skip_s)
     }
 
     /// What it says where it is told this, of recordings with these changes.

@@ -1,6 +1,7 @@
 //! What the integration step costs a filter: planned, followed to the end, and said before a parameter is blamed.
 
 use kalmems::config::Experiment;
+use kalmems::diagnose::step_cost;
 use kalmems::evaluate::Grade;
 use kalmems::progress::Silent;
 use kalmems::results::{EstimatorMetrics, Metrics, notices};
@@ -219,4 +220,17 @@ fn an_uncertain_number_counts_alike_whether_the_sign_is_stated_or_not() {
     });
     assert_eq!(budgets[0].0, budgets[1].0);
     assert_eq!((budgets[0].1.len(), &*budgets[1].1), (0, &["angle"][..]));
+}
+
+#[test]
+fn what_a_step_costs_is_known_before_anything_is_estimated() {
+    let topic = step_cost(published(), &parse(&scanner(12.0, 21, "")), &Silent).unwrap();
+    let fact = &topic.facts[0];
+    let [steps, planned, one] = fact.values[..] else { panic!("{fact:?}") };
+    println!("{}", fact.text);
+    assert!(steps > 1.0 && planned < 0.05 && one > 0.2, "{fact:?}");
+    assert!(fact.text.contains("188.1 kHz") && fact.text.contains("one step"), "{fact:?}");
+    // The step of a linear device is exact.
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/micro_stage/simulation.toml");
+    assert!(step_cost(published(), &published().load(&file).unwrap(), &Silent).is_none());
 }
