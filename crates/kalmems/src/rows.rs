@@ -7,18 +7,27 @@ use serde_json::{Map, Value};
 /// that is what no reading and writing changes.
 pub(crate) type ResultRow = Map<String, Value>;
 
+/// The states whose sign the signals do not tell and nothing states.
+const ARBITRARY_SIGNS: &str = "arbitrary_signs";
+
 /// All rows of a run, from what `metrics.json` of an estimate would hold. A figure that there is not has no column; of
-/// a list, the row has the length.
+/// a list, the row has the length; of names, these.
 pub(crate) fn rows(metrics: &Metrics) -> Vec<ResultRow> {
-    let metrics = serde_json::to_value(metrics).unwrap_or_default();
+    rows_of(&serde_json::to_value(metrics).unwrap_or_default())
+}
+
+fn rows_of(metrics: &Value) -> Vec<ResultRow> {
     let mut rows = Vec::new();
-    for recording in list(&metrics, "recordings") {
+    for recording in list(metrics, "recordings") {
         for segment in list(recording, "segments") {
             let mut common = ResultRow::new();
             common.insert("recording".to_owned(), text(recording.get("name")));
             common.insert("segment".to_owned(), text(segment.get("label")));
             for (name, value) in segment.as_object().into_iter().flatten() {
-                if name != "estimators" && name != "label" {
+                if name == ARBITRARY_SIGNS {
+                    let states: Vec<&str> = list(segment, name).iter().filter_map(Value::as_str).collect();
+                    common.insert(format!("segment.{name}"), Value::String(states.join(" ")));
+                } else if name != "estimators" && name != "label" {
                     flatten(&format!("segment.{name}"), value, &mut common);
                 }
             }
@@ -64,5 +73,23 @@ fn flatten(name: &str, value: &Value, row: &mut ResultRow) {
         value => {
             row.insert(name.to_owned(), text(Some(value)));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_row_names_the_states_whose_sign_is_arbitrary() {
+        let segment = json!({ "label": "a", "arbitrary_signs": ["theta", "phi"], "remarks": ["one"],
+            "estimators": [{ "key": "ekf", "name": "EKF", "counts": { "samples": 3 } }] });
+        let found = rows_of(&json!({ "recordings": [{ "name": "test", "segments": [segment] }] }));
+        let of = |name: &str| found[0][name].as_str().unwrap().to_owned();
+        assert_eq!(
+            ["segment.arbitrary_signs", "segment.remarks", "counts.samples"].map(of),
+            ["theta phi", "1", "3"]
+        );
     }
 }

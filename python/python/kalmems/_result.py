@@ -228,6 +228,11 @@ class Segment:
         return iter(self.trajectories)
 
     @property
+    def arbitrary_signs(self) -> list[str]:
+        """The states whose sign the signals do not tell and nothing states: their trajectories may have the other one."""
+        return list(self.metrics.get("arbitrary_signs", []))
+
+    @property
     def best(self) -> Trajectory | None:
         """The answer whose predictions are the likeliest of those that can be trusted, where there is one."""
         likeliest = self.metrics.get("likeliest")

@@ -5,6 +5,7 @@ use crate::args::InspectArguments;
 use crate::progress::ProgressDisplay;
 use crate::tell::tell;
 use crate::{CommandEnding, print_result, target};
+use kalmems::diagnose::step_cost;
 use kalmems::inspect::{StatedFile, inspect_stated};
 use kalmems::progress::ReaderProgress;
 use kalmems::recording::ReadError;
@@ -36,6 +37,9 @@ fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), Com
     let rig = workbench.rig(&experiment).map_err(|e| wrong(&e))?;
     let mut outlook = rig.outlook(&experiment).map_err(|e| wrong(&e))?;
     outlook.topics.extend(sampling(rig, &experiment));
+    let bar = ProgressDisplay::default();
+    outlook.topics.extend(step_cost(workbench, &experiment, &bar));
+    drop(bar);
     if let Some(path) = &arguments.png {
         draw_outlook(&outlook, path, arguments.force).map_err(|e| wrong(&e))?;
     }

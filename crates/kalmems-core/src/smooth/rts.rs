@@ -16,14 +16,16 @@ pub struct Smoothed<T: Scalar, const N: usize> {
 }
 
 impl<T: Scalar, const N: usize> Smoothed<T, N> {
-    /// The newest state, which the filter has smoothed already: nothing later is known.
+    /// The newest state, which the filter has smoothed already: nothing later is known. It counts as no better known than the arithmetic of its
+    /// mean, as in [`Backward`].
     ///
     /// A covariance that is singular to rounding is factored as singular. Refused with
     /// [`FilterError::CovarianceNotPositive`] where it has a negative variance in some direction.
     #[inline(always)]
     pub fn newest(filtered: &Gaussian<T, N>) -> Result<Self, FilterError> {
         let covariance = &filtered.covariance;
-        let factors = Semidefinite::of(&floored(covariance, covariance, &[T::of(0.0); N]));
+        let magnitude: [T; N] = vector!(|i| filtered.mean[i].abs());
+        let factors = Semidefinite::of(&floored(covariance, covariance, &magnitude));
         let newest = Self { mean: filtered.mean, root: factors.root, sound: factors.sound };
         if newest.sound.any() { Ok(newest) } else { Err(FilterError::CovarianceNotPositive) }
     }

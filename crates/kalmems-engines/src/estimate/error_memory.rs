@@ -1,6 +1,6 @@
 //! How long the error of an estimate lasts, by the filter's own account.
 
-use kalmems_core::{Covariance, Ldl, StateTransition};
+use kalmems_core::{Covariance, Ldl, Mat, StateTransition};
 
 /// A part of a trajectory, and how long the errors of its first states last there.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +28,13 @@ const REST: u32 = 3;
 /// the error of its start at once, while that of a parameter which it has learnt meanwhile lasts.
 const SETTLED: f64 = 0.25;
 
+/// The square of its correlation with an error of now from which on an error that is followed says something of that, however far the filter has
+/// settled: where nothing is random, all errors are one.
+const LASTS: f64 = 0.5;
+
+/// The part of its variances that a covariance has more to be solved by, so that one in which some states follow from others has a solution as well.
+const DISTINCT: f64 = 1e-12;
+
 /// Updates of a span at least.
 const SPAN: u32 = 1024;
 
@@ -43,8 +50,9 @@ pub(super) struct ErrorMemory<const N: usize> {
     /// Cov(x_now, x_i then) of each state i that is followed.
     columns: [[f64; N]; FOLLOWED],
     variance: [f64; FOLLOWED],
-    /// Σ ρ²·Δt since the beginning.
+    /// Σ ρ²·Δt since the beginning, and the largest ρ² of a state with itself now.
     sums_s: [f64; FOLLOWED],
+    left: f64,
     began_s: f64,
     before_s: f64,
     /// What is not given yet: when it began, and over the errors that were followed their time over how long each lasts.
@@ -72,6 +80,7 @@ impl<const N: usize> ErrorMemory<N> {
             columns: [[0.0; N]; FOLLOWED],
             variance: [0.0; FOLLOWED],
             sums_s: [0.0; FOLLOWED],
+            left: 1.0,
             began_s: 0.0,
             before_s: 0.0,
             span_began_s: f64::NAN,
@@ -99,7 +108,7 @@ impl<const N: usize> ErrorMemory<N> {
         }
         self.updates += 1;
         match (self.state, link, before) {
-            (MemoryState::Follows(_), ..) if self.has_settled(after) => {
+            (MemoryState::Follows(_), ..) if self.left < LASTS && self.has_settled(after) => {
                 self.end(time_s);
                 self.begin(time_s, after);
             }
@@ -141,7 +150,7 @@ impl<const N: usize> ErrorMemory<N> {
             *column = std::array::from_fn(|j| covariance.get(i, j));
             self.variance[i] = covariance.get(i, i);
         }
-        self.sums_s = [0.0; FOLLOWED];
+        (self.sums_s, self.left) = ([0.0; FOLLOWED], 1.0);
         self.began_s = time_s;
         self.state = MemoryState::Follows(0);
     }
@@ -154,8 +163,9 @@ impl<const N: usize> ErrorMemory<N> {
         after: &Covariance<f64, N>,
         interval_s: f64,
     ) -> bool {
-        let solver = Ldl::of(before);
-        let mut left: f64 = 0.0;
+        let distinct = |i: usize, j: usize| before.get(i, j) * if i == j { 1.0 + DISTINCT } else { 1.0 };
+        let solver = Ldl::of(&Covariance::from_lower(Mat::from_fn(distinct)));
+        let (mut left, mut own): (f64, f64) = (0.0, 0.0);
         for (i, column) in self.columns.iter_mut().take(N).enumerate() {
             let moved: [f64; N] =
                 std::array::from_fn(|r| link.transition.0[r].iter().zip(&*column).map(|(f, v)| f * v).sum());
@@ -163,9 +173,11 @@ impl<const N: usize> ErrorMemory<N> {
             *column = std::array::from_fn(|r| (0..N).map(|c| after.get(r, c) * weighted[c]).sum());
             let square = |j: usize| column[j] * column[j] / (self.variance[i] * after.get(j, j));
             self.sums_s[i] += square(i) * interval_s;
+            own = own.max(square(i));
             // What is not a number ends it as well.
             left = (0..N).map(square).filter(|s| s.is_finite()).fold(left, f64::max);
         }
+        self.left = own;
         left > FORGOTTEN * FORGOTTEN
     }
 
@@ -199,7 +211,6 @@ impl<const N: usize> ErrorMemory<N> {
 mod tests {
     use super::*;
     use crate::simulate::WhiteNoise;
-    use kalmems_core::Mat;
 
     const INTERVAL_S: f64 = 1e-3;
 
@@ -331,6 +342,32 @@ mod tests {
             assert_eq!(span, None);
         }
         let span = memory.rest(4.999).unwrap();
+        assert!(span.correlation_s.iter().all(|lasts_s| (lasts_s / 10.0 - 1.0).abs() < 1e-3), "{span:?}");
+    }
+
+    /// Two temperatures that decay, the second of which follows the first at once, of which nothing is random: one error, however small it becomes.
+    #[test]
+    fn an_error_that_decays_without_noise_is_one_as_long_as_it_lasts() {
+        let mut memory = ErrorMemory::<2>::new();
+        let (decay, part) = (0.999_f64, 0.3);
+        let link = StateTransition {
+            transition: Mat([[decay, 0.0], [decay * part, 0.0]]),
+            noise: Covariance::from_variances([0.0; 2]),
+            taken: true,
+        };
+        let mut spans = Vec::new();
+        for k in 0..5000 {
+            let variance = 4.0 * decay.powi(2 * k);
+            let entries = [[variance, 0.0], [part * variance, part * part * variance]];
+            let covariance = Covariance::from_lower(Mat(entries));
+            spans.extend(memory.take(
+                f64::from(k) * INTERVAL_S,
+                Some(&link),
+                (Some(&covariance), &covariance),
+            ));
+        }
+        spans.extend(memory.rest(4.999));
+        let [span] = &spans[..] else { panic!("{spans:?}") };
         assert!(span.correlation_s.iter().all(|lasts_s| (lasts_s / 10.0 - 1.0).abs() < 1e-3), "{span:?}");
     }
 }

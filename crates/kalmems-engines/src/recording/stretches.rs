@@ -77,6 +77,8 @@ pub struct Stretches {
     begun: Option<(usize, usize)>,
     /// Whether a stretch holds as many new rows as there are.
     arriving: bool,
+    /// Rows after the new ones that are waited for at least: one tells whether the segment goes on.
+    waits_for: usize,
     ended: bool,
     /// Vectors that are used again.
     spare: Vec<Vec<f64>>,
@@ -117,6 +119,12 @@ impl Stretches {
         Ok(Self::of_reading(reading, path, around, true))
     }
 
+    /// The same that gives a row without waiting for the next one: where no row comes after it, its segment ends with an empty stretch.
+    #[must_use]
+    pub fn without_waiting(self) -> Self {
+        Self { waits_for: 0, ..self }
+    }
+
     fn of_reading(reading: RecordingReader, path: &Path, around: StretchSize, arriving: bool) -> Self {
         let around = StretchSize { rows: around.rows.max(1), first: around.first.max(1), ..around };
         let file = path.display().to_string();
@@ -130,6 +138,7 @@ impl Stretches {
             needed: 0,
             begun: None,
             arriving,
+            waits_for: 1,
             ended: false,
             spare: Vec::new(),
         }
@@ -267,21 +276,20 @@ impl Stretches {
     /// The new rows of the next stretch, where all that it needs is read, and whether they end their segment.
     fn ready(&self) -> Option<(Range<usize>, bool)> {
         let (start, end) = self.place()?;
+        let after = self.around.after.max(self.waits_for);
         let first = self.next == start;
         let mut rows = if first { self.around.first } else { self.around.rows };
         if self.arriving && !first && end.is_none() {
-            let there = self.rows().saturating_sub(self.next + self.around.after.max(1));
+            let there = self.rows().saturating_sub(self.next + after);
             rows = rows.min(there.max(1));
         }
         let until = self.next.saturating_add(rows);
         match end {
             // What comes after a stretch is whole, or there is none after it.
-            Some(end) if until.saturating_add(self.around.after.max(1)) > end => Some((self.next..end, true)),
+            Some(end) if until.saturating_add(after) > end => Some((self.next..end, true)),
             Some(_) => Some((self.next..until, false)),
             // One row more tells that the segment goes on.
-            None if self.rows() >= until.saturating_add(self.around.after.max(1)) => {
-                Some((self.next..until, false))
-            }
+            None if self.rows() >= until.saturating_add(after) => Some((self.next..until, false)),
             None => None,
         }
     }

@@ -75,11 +75,12 @@ mod tests {
 
     #[test]
     fn the_error_is_that_of_lagranges_polynomial() {
-        // Leading terms: (1/2·3/2·5/2)² ω⁶/720, and with four samples before (1/2·3/2)²·5/2·7/2·ω⁶/720.
+        // Leading terms: (1/2·3/2·5/2)² ω⁶/720, with four samples before (1/2·3/2)²·5/2·7/2·ω⁶/720, with five (1/2)²·3/2·5/2·7/2·9/2·ω⁶/720.
         let angle: f64 = TAU / 100.0;
-        let [three, four] =
-            [2, 1].map(|lag| error_between_samples(100.0, InterpolationLag::waiting_for(lag)));
+        let [three, four, five] =
+            [2, 1, 0].map(|lag| error_between_samples(100.0, InterpolationLag::waiting_for(lag)));
         assert!((three / (3.515_625 / 720.0 * angle.powi(6)) - 1.0).abs() < 0.02, "{three}");
         assert!((four / (4.921_875 / 720.0 * angle.powi(6)) - 1.0).abs() < 0.02, "{four}");
+        assert!((five / (14.765_625 / 720.0 * angle.powi(6)) - 1.0).abs() < 0.03, "{five}");
     }
 }

@@ -48,3 +48,17 @@ fn choices_powers_and_functions_have_the_parity_of_what_they_are_made_of() {
         assert!(of(force, "x^2").is_empty(), "{force}");
     }
 }
+
+/// A gain that is a state and what it multiplies have one sign too few: only a coupling that is known, or a drive through it, tells it.
+#[test]
+fn the_sign_of_a_gain_that_is_a_state_is_hidden_with_that_of_what_it_multiplies() {
+    let of = |coupling: &str, states: &str, rates: &str| {
+        device(&format!(
+            "[states]\nx = '1'\nv = '1/s'\ngain = 'V'\n{states}[inputs]\nu = '1'\n[derivative]\nx = 'v'\nv = '-x*1[1/s^2] + {coupling}*u'\ngain = '0'\n{rates}[measure]\ny = 'gain*x in V'\n"
+        ))
+        .hidden_signs()
+    };
+    assert_eq!(of("c", "c = '1/s^2'\n", "c = '0'\n"), [[0, 1, 2, 3]]);
+    assert_eq!(of("0[1/s^2]", "", ""), [[0, 1, 2]]);
+    assert!(of("3[1/s^2]", "", "").is_empty());
+}

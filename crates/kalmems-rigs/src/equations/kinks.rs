@@ -7,6 +7,10 @@ use kalmems_equations::MOST_STATES;
 
 /// How far mean and Jacobian of so many steps and of twice as many may be apart, in standard deviations that the filter claims.
 const ALIKE: f64 = 1e-3;
+/// How far the variances of the noise that enters the motion may be apart, as a part of them: a claim is off by half of that at most. What is less
+/// than this part of the variance that the filter claims does not count.
+const NOISE_ALIKE: f64 = 0.02;
+const NOISE_COUNTS: f64 = 1e-4;
 /// What a step of fourth order is off by, of what it differs from two of half the length by.
 const OF_FOURTH_ORDER: f64 = 1.0 / 15.0;
 /// Twice as many steps, at most so often: 64 from one sample to the next.
@@ -18,23 +22,41 @@ pub struct KinkSteps {
     /// Steps of 1, 1/2, 1/4, … of the usual interval.
     intervals: [Interval; DOUBLINGS + 1],
     covariance: Vec<f64>,
-    /// Where some steps lead to, and where twice as many do; and room for the Jacobian of one.
+    /// Where some steps lead to, and where twice as many do; and room for one step.
     ways: [Led; 2],
-    one: Vec<f64>,
+    one: OneStep,
 }
 
-/// The mean and the Jacobian that some steps lead to.
+/// The mean, the Jacobian and the covariance of the noise that some steps lead to.
 #[derive(Default)]
 struct Led {
     mean: Vec<f64>,
     slopes: Vec<f64>,
+    noise: Vec<f64>,
+}
+
+/// Room for the Jacobian of one step, the covariance of its noise and the root of that, and a product.
+#[derive(Default)]
+struct OneStep {
+    slopes: Vec<f64>,
+    noise: Vec<f64>,
+    root: Vec<f64>,
+    product: Vec<f64>,
+}
+
+impl OneStep {
+    fn resize(&mut self, size: usize) {
+        for room in [&mut self.slopes, &mut self.noise, &mut self.root, &mut self.product] {
+            room.resize(size, 0.0);
+        }
+    }
 }
 
 impl KinkSteps {
     /// For this usual interval in s.
     pub fn new(interval_s: f64) -> Self {
         let halved = |doublings: usize| Interval::of(interval_s / f64::from(1_u32 << doublings));
-        let (covariance, one) = (Vec::new(), Vec::new());
+        let (covariance, one) = (Vec::new(), OneStep::default());
         Self { intervals: std::array::from_fn(halved), covariance, ways: Default::default(), one }
     }
 
@@ -48,7 +70,7 @@ impl KinkSteps {
     ) -> Result<(), FilterError> {
         let states = filter.mean().len();
         self.covariance.resize(states * states, 0.0);
-        self.one.resize(states * states, 0.0);
+        self.one.resize(states * states);
         filter.covariance(&mut self.covariance);
         let mut sd = [0.0; MOST_STATES];
         for (i, sd) in sd.iter_mut().enumerate().take(states) {
@@ -74,19 +96,21 @@ impl KinkSteps {
 }
 
 impl Led {
-    /// Goes so many steps from a mean; `one` has room for the Jacobian of a step.
+    /// Goes so many steps from a mean; `one` has room for a step.
     fn lead(
         &mut self,
         (model, interval): (&EquationModel, &Interval),
         from: &[f64],
         inputs: (Nodes<&[f64]>, usize),
-        one: &mut [f64],
+        one: &mut OneStep,
     ) {
         let n = from.len();
         self.mean.clear();
         self.mean.extend_from_slice(from);
-        self.slopes.clear();
-        self.slopes.resize(n * n, 0.0);
+        for own in [&mut self.slopes, &mut self.noise] {
+            own.clear();
+            own.resize(n * n, 0.0);
+        }
         for i in 0..n {
             self.slopes[i * (n + 1)] = 1.0;
         }
@@ -94,11 +118,37 @@ impl Led {
         let _ = each_step(inputs, |nodes| -> Result<(), FilterError> {
             let mut next = [0.0; MOST_STATES];
             let step = model.under(interval, nodes, &self.mean);
-            step.linearize(&self.mean, &mut next[..n], one);
-            chain(&mut self.slopes, one, n, n);
+            step.linearize(&self.mean, &mut next[..n], &mut one.slopes);
+            chain(&mut self.slopes, &one.slopes, n, n);
+            step.noise(&mut one.noise, &mut one.root);
+            self.add_noise(one);
             self.mean.copy_from_slice(&next[..n]);
             Ok(())
         });
+    }
+
+    /// The noise before a step goes on by its Jacobian, and its own comes in: F·Q·Fᵀ + Q₁.
+    #[allow(clippy::needless_range_loop)] // for each step: an adapter of iterators is a call
+    fn add_noise(&mut self, OneStep { slopes, noise, product, .. }: &mut OneStep) {
+        let n = self.mean.len();
+        for i in 0..n {
+            for j in 0..n {
+                let mut sum = 0.0;
+                for k in 0..n {
+                    sum += slopes[i * n + k] * self.noise[k * n + j];
+                }
+                product[i * n + j] = sum;
+            }
+        }
+        for i in 0..n {
+            for j in 0..n {
+                let mut sum = noise[i.max(j) * n + i.min(j)];
+                for k in 0..n {
+                    sum += product[i * n + k] * slopes[j * n + k];
+                }
+                self.noise[i * n + j] = sum;
+            }
+        }
     }
 }
 
@@ -121,12 +171,18 @@ fn each_step<E>(
 fn are_alike(coarse: &Led, fine: &Led, sd: &[f64]) -> bool {
     let n = sd.len();
     let bound = ALIKE / OF_FOURTH_ORDER;
+    let noise_is_alike = (0..n).all(|i| {
+        let at = i * (n + 1);
+        let apart = (coarse.noise[at] - fine.noise[at]).abs();
+        apart <= (NOISE_ALIKE * fine.noise[at]).max(NOISE_COUNTS * sd[i] * sd[i])
+    });
     // A state that is known exactly has no deviation to compare with.
-    (0..n).filter(|i| sd[*i] > 0.0).all(|i| {
-        let mean = (coarse.mean[i] - fine.mean[i]).abs() <= bound * sd[i];
-        mean && (0..n).all(|j| {
-            let apart = (coarse.slopes[i * n + j] - fine.slopes[i * n + j]).abs();
-            apart * sd[j] <= bound * sd[i]
+    noise_is_alike
+        && (0..n).filter(|i| sd[*i] > 0.0).all(|i| {
+            let mean = (coarse.mean[i] - fine.mean[i]).abs() <= bound * sd[i];
+            mean && (0..n).all(|j| {
+                let apart = (coarse.slopes[i * n + j] - fine.slopes[i * n + j]).abs();
+                apart * sd[j] <= bound * sd[i]
+            })
         })
-    })
 }

@@ -18,12 +18,13 @@ use std::path::PathBuf;
 const BEFORE: [&str; 6] = ["recording", "same_as", "error", "trajectories", "file", "sha256"];
 
 /// Figures that the summary has, beside all that end with `rmse` and a unit.
-const SUMMARY: [&str; 11] = [
+const SUMMARY: [&str; 12] = [
     "segment",
     "segment.stretch.number",
     "estimator_name",
     "grade",
     "verdict",
+    "segment.arbitrary_signs",
     "consistency.mean_nis",
     "segment.motion_hz",
     "segment.duration_s",
@@ -243,7 +244,11 @@ fn table(rows: &[BatchRow], files: &[String]) -> TidyTable {
         }
     }
     let before = BEFORE.map(str::to_owned);
-    let words = before.iter().cloned().chain(["segment".to_owned(), "trusted".to_owned()]).collect();
+    let words = before
+        .iter()
+        .cloned()
+        .chain(["segment", "trusted", "segment.arbitrary_signs"].map(str::to_owned))
+        .collect();
     let columns = before.into_iter().chain(figures).collect();
     TidyTable { columns, words, rows: lines, before: BEFORE.len() }
 }
@@ -300,9 +305,16 @@ fn shown(summary: &TidyTable) -> figures::TextTable {
     let is_shown = |name: &str| {
         let angle_or_value =
             name.rsplit('.').next().is_some_and(|last| last.starts_with("rmse_")) && !name.contains(".parts");
-        ["recording", "segment", "filter", "grade", "consistency.mean_nis", "segment.motion_hz"]
-            .contains(&name)
-            || angle_or_value
+        let shown = [
+            "recording",
+            "segment",
+            "filter",
+            "grade",
+            "segment.arbitrary_signs",
+            "consistency.mean_nis",
+            "segment.motion_hz",
+        ];
+        shown.contains(&name) || angle_or_value
     };
     let has_any = |place: usize| summary.rows.iter().any(|line| !line.cells[place].is_empty());
     let places: Vec<usize> = (0..summary.columns.len())
@@ -313,6 +325,7 @@ fn shown(summary: &TidyTable) -> figures::TextTable {
             "consistency.mean_nis" => "mean NIS",
             "segment.motion_hz" => return ColumnHead::number("motion", "Hz"),
             "grade" => "verdict",
+            "segment.arbitrary_signs" => "arbitrary sign of",
             name => name,
         };
         if summary.is_number(*place) { ColumnHead::number(label, "") } else { ColumnHead::text(label) }

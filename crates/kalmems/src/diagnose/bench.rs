@@ -6,6 +6,7 @@ use super::document::{document, text};
 use super::stop::StopFlag;
 use super::trial::DiagnosisTrial;
 use crate::config::{ConfigFault, Experiment, FilterStart, Key, Method, RecordingRole, exactly, put};
+use crate::evaluate::StepErrors;
 use crate::identify::Material;
 use crate::progress::{Progress, ReaderProgress};
 use crate::recording::{SampledRecording, StretchSize, Stretches};
@@ -255,27 +256,57 @@ impl<'a> TrialBench<'a> {
 
     /// What the filter says with these changes; `None` where it cannot be run.
     pub(super) fn run(&self, changes: &[TrialChange]) -> Option<DiagnosisTrial> {
-        self.run_with(changes, Judged::Yes)
+        self.run_with(changes, Judged::Yes, &|_| true)
     }
 
     /// The same without the tests of its innovations, for what asks for differences alone.
     pub(super) fn run_unjudged(&self, changes: &[TrialChange]) -> Option<DiagnosisTrial> {
-        self.run_with(changes, Judged::No)
+        self.run_with(changes, Judged::No, &|_| true)
     }
 
-    fn run_with(&self, changes: &[TrialChange], judged: Judged) -> Option<DiagnosisTrial> {
+    /// The same as long as a condition holds of what it has said so far; `None` as soon as it does not.
+    pub(super) fn run_while(
+        &self,
+        changes: &[TrialChange],
+        holds: &dyn Fn(&DiagnosisTrial) -> bool,
+    ) -> Option<DiagnosisTrial> {
+        self.run_with(changes, Judged::No, holds)
+    }
+
+    fn run_with(
+        &self,
+        changes: &[TrialChange],
+        judged: Judged,
+        holds: &dyn Fn(&DiagnosisTrial) -> bool,
+    ) -> Option<DiagnosisTrial> {
         let mut document = self.document.clone();
         for change in changes {
             change.write(&mut document).ok()?;
         }
         let text = toml::to_string(&document).ok()?;
         let changed = self.workbench.parse(&text, self.experiment.path()).ok()?;
-        self.run_experiment(&changed, changes, judged)
+        self.run_experiment(&changed, changes, (judged, holds))
     }
 
     /// What the filter says in each direction of what the experiment states as uncertain, with one standard deviation more there.
     pub(super) fn in_uncertain_directions(&self) -> impl Iterator<Item = DiagnosisTrial> {
-        self.varied.iter().filter_map(|told| self.run_experiment(told, &[], Judged::No))
+        self.varied.iter().filter_map(|told| self.run_experiment(told, &[], (Judged::No, &|_| true)))
+    }
+
+    /// How far its steps lead it astray in the first recording, with this number of them from each sample to the next or as many as it plans;
+    /// `None` where that is not followed.
+    pub(super) fn step_errors(&self, steps: Option<u32>) -> Option<StepErrors> {
+        let mut document = self.document.clone();
+        if let Some(steps) = steps {
+            let key = Key::from("estimate").child("filter").index(0).child("steps");
+            put(&mut document, &key, Value::Integer(steps.into())).ok()?;
+        }
+        let told = self.workbench.parse(&toml::to_string(&document).ok()?, self.experiment.path()).ok()?;
+        let (index, recording) = self.recordings.first()?;
+        let estimates =
+            self.workbench.rig(&told).ok()?.estimate(&told, *index, recording, &self.stop).ok()?;
+        let estimate = estimates.first()?;
+        StepErrors::of(estimate.trajectories.first()?, estimate.start_s + estimate.skip_s)
     }
 
     /// What it says where it is told this, of recordings with these changes.
@@ -283,7 +314,7 @@ impl<'a> TrialBench<'a> {
         &self,
         told: &Experiment,
         changes: &[TrialChange],
-        judged: Judged,
+        (judged, holds): (Judged, &dyn Fn(&DiagnosisTrial) -> bool),
     ) -> Option<DiagnosisTrial> {
         // Trials are compared by their innovations, and most of what is tried loses the signal.
         let mut told = told.clone();
@@ -306,6 +337,9 @@ impl<'a> TrialBench<'a> {
             let recording = altered.as_ref().unwrap_or(recording);
             for estimate in rig.estimate(told, *index, recording, &self.stop).ok()? {
                 trial.take((rig, told), &estimate, judged)?;
+                if !holds(&trial) {
+                    return None;
+                }
             }
         }
         trial.ended()

@@ -6,6 +6,7 @@ use super::number_test::{has_slope, number_test, uncertain_directions};
 use super::sensitivity::NumberSensitivity;
 use super::suspect::Suspect;
 use super::trial::DiagnosisTrial;
+use super::unused::UsedNames;
 use super::{DiagnoseError, ScaleNote, begin, invisible_parameters};
 use crate::config::Experiment;
 use crate::evaluate::TestResult;
@@ -96,7 +97,10 @@ pub(super) fn take_numbers<'s>(
     base: &mut DiagnosisTrial,
     progress: &dyn Progress,
 ) -> Result<Vec<NumberSensitivity<'s>>, DiagnoseError> {
-    let with_slopes: Vec<&Suspect> = suspects.iter().filter(|suspect| has_slope(suspect)).collect();
+    // What a filter does not use changes nothing.
+    let used = UsedNames::of(&bench.document);
+    let is_used = |suspect: &&Suspect| used.as_ref().is_none_or(|used| !used.leaves_out(suspect));
+    let with_slopes: Vec<&Suspect> = suspects.iter().filter(|one| has_slope(one)).filter(is_used).collect();
     let progress = &bench.stop.watching(progress);
     let numbers =
         NumberSensitivity::all(bench, &with_slopes, base, progress).ok_or(DiagnoseError::Interrupted)?;

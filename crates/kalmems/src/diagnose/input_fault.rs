@@ -76,7 +76,12 @@ pub(super) fn input_fault(bench: &TrialBench) -> Option<InputFault> {
     }
     let rig = bench.workbench.rig(&bench.experiment).ok()?;
     let channels = rig.channels(&bench.experiment);
-    let ran = |fault: TriedFault| Some((bench.run_unjudged(&fault.changes)?, fault.words));
+    // With a sum that is larger than all innovations together may have, or once the signal is lost, nothing is explained.
+    let largest_nis =
+        base.as_ref().map_or(EXPLAINED_NIS, |base| EXPLAINED_NIS.min(1.0 + LEFT * above_1(base)));
+    let most = largest_nis * (bench.extent().0 * channels.signals.len()) as f64;
+    let may_explain = |trial: &DiagnosisTrial| trial.follows() && trial.squares().1 < most;
+    let ran = |fault: TriedFault| Some((bench.run_while(&fault.changes, &may_explain)?, fault.words));
     let mut trials: Vec<(DiagnosisTrial, String)> =
         of_wiring(bench, &channels).into_iter().filter_map(ran).collect();
     let is_explained = |trial: &DiagnosisTrial| explains(trial, base.as_ref());
@@ -97,11 +102,14 @@ pub(super) fn input_fault(bench: &TrialBench) -> Option<InputFault> {
     })
 }
 
+/// By how much the mean NIS is above 1: innovations that are smaller than claimed, as under much process noise, are no sign of a fault.
+fn above_1(trial: &DiagnosisTrial) -> f64 {
+    (trial.mean_nis() - 1.0).max(0.0)
+}
+
 /// Whether a run without a fault explains the recording, beside that with it.
 fn explains(trial: &DiagnosisTrial, base: Option<&DiagnosisTrial>) -> bool {
     let likelihood = |trial: &DiagnosisTrial| trial.log_likelihood(TrialBlocks::All);
-    // Innovations that are smaller than claimed, as under much process noise, are no sign of a fault.
-    let above_1 = |trial: &DiagnosisTrial| (trial.mean_nis() - 1.0).max(0.0);
     let is_likelier = base.is_none_or(|base| {
         likelihood(trial) - likelihood(base) > CERTAIN && above_1(trial) < LEFT * above_1(base)
     });

@@ -38,9 +38,11 @@ mod paste;
 mod report;
 mod search;
 mod sensitivity;
+mod step_cost;
 mod stop;
 mod suspect;
 mod trial;
+mod unused;
 
 pub use answer::AnswerChange;
 pub use check_numbers::{NumberCheck, check_numbers, check_numbers_of};
@@ -56,6 +58,7 @@ pub(crate) use noise::leaves_noise_open;
 pub use noise::{FoundNoise, load_with_noise, noise_of_recording, with_noise};
 pub use paste::pasted;
 pub use report::{CauseReport, Diagnosis, DiagnosisFinding, Edit};
+pub use step_cost::step_cost;
 
 use crate::config::Experiment;
 use crate::progress::Progress;

@@ -190,9 +190,14 @@ impl DiagnosisTrial {
 
     /// The mean of the innovations' squares over their claimed variances; 1 without one.
     pub(super) fn mean_nis(&self) -> f64 {
-        let in_sd = self.innovations.in_sd().into_iter().filter(|size| size.is_finite());
-        let (count, sum) = in_sd.fold((0.0, 0.0), |(count, sum), size| (count + 1.0, sum + size * size));
+        let (count, sum) = self.squares();
         if count > 0.0 { sum / count } else { 1.0 }
+    }
+
+    /// How many innovations there are, and the sum of their squares over their claimed variances.
+    pub(super) fn squares(&self) -> (f64, f64) {
+        let in_sd = self.innovations.in_sd().into_iter().filter(|size| size.is_finite());
+        in_sd.fold((0.0, 0.0), |(count, sum), size| (count + 1.0, sum + size * size))
     }
 
     /// The innovations in some of the blocks; the others are missing.

@@ -30,7 +30,9 @@ pub use output::{SYNC, SYNC_AHEAD, SYNC_ORIGIN, StreamOutputs, Supervisor, is_fr
 pub use shared::{StreamCounts, StreamEnd};
 pub use supervision::{FilterHealth, Health, LockState, StreamEvent};
 
-use crate::config::{ConfigError, ConfigFault, Experiment, Key, StreamTable, TriggerChannel};
+use crate::config::{
+    ConfigError, ConfigFault, Experiment, FilterTable, Key, Method, StreamTable, TriggerChannel,
+};
 use crate::estimate::{EstimateError, PhasePredictionCounts, StretchSummary};
 use crate::recording::{self, Finding, ReadError, Stretches, TimeOrigin, TimeSource};
 use crate::results::StreamTracks;
@@ -242,15 +244,20 @@ fn estimated(
         estimator.resume(left.past());
         table.go_on(left);
     }
+    // An empty stretch at the end of a segment stands on rows before it.
+    let waits_for = usize::from(around.before == 0 || !gives_at_once(experiment));
     let whole = recording::StretchSize {
         rows: MOST,
         first: around.head,
         before: around.before,
-        after: around.after.max(1),
+        after: around.after.max(waits_for),
     };
     let first = if left.is_some() { again + 1 } else { around.head };
     let begin = recording::StretchSize { first, ..whole };
     let mut stretches = Stretches::of_arriving(Box::new(table), Path::new("the stream"), &layout, begin)?;
+    if whole.after == 0 {
+        stretches = stretches.without_waiting();
+    }
     // A stretch that begins later begins as a recording does.
     let settings = live::StreamSettings {
         angles: rig.angles(experiment),
@@ -278,6 +285,16 @@ fn estimated(
     summary.waits_for = whole.after;
     summary.ahead = summary.ahead.filter(|_| described.trigger.is_some());
     Ok((summary, seen))
+}
+
+/// Whether each sample is estimated before another one tells that its stretch goes on: where that is asked for, and no answer keeps samples back that
+/// it gives at the end.
+fn gives_at_once(experiment: &Experiment) -> bool {
+    let keeps = |filter: &FilterTable| filter.smooth_lag.is_some() || filter.method == Method::LockIn;
+    experiment
+        .estimate
+        .as_ref()
+        .is_some_and(|estimate| estimate.interpolation_lag == 0 && !estimate.filters.iter().any(keeps))
 }
 
 /// How often health is told.

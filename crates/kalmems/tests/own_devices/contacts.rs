@@ -48,8 +48,13 @@ impl Contact {
         [0, 1].map(|i| x[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]))
     }
 
-    /// A text with filters, each by lines of its own.
+    /// A text with filters, each of a method, that begin at rest.
     fn experiment(self, folder: &Path, methods: &[&str]) -> Experiment {
+        self.experiment_from("start = {}", folder, methods)
+    }
+
+    /// The same that begin elsewhere.
+    fn experiment_from(self, start: &str, folder: &Path, methods: &[&str]) -> Experiment {
         let mut text = format!(
             r#"
 name = "contact"
@@ -77,7 +82,7 @@ check_numbers = false
         for method in methods {
             write!(
                 text,
-                "[[estimate.filter]]\nname = \"{method}\"\nmethod = \"{method}\"\nstart = {{}}\nstart_sd = {{ x = \"1 nm\", v = \"1 mm/s\" }}\n"
+                "[[estimate.filter]]\nname = \"{method}\"\nmethod = \"{method}\"\n{start}\nstart_sd = {{ x = \"1 nm\", v = \"1 mm/s\" }}\n"
             )
             .unwrap();
         }
@@ -86,10 +91,15 @@ check_numbers = false
 
     /// Writes a recording with its reference.
     fn record(self, folder: &Path, samples: usize, seed: u64) {
+        self.record_from([0.0; 2], folder, samples, seed);
+    }
+
+    /// The same of a motion that begins elsewhere.
+    fn record_from(self, start: [f64; 2], folder: &Path, samples: usize, seed: u64) {
         let (mut of_rate, mut of_sample) = (WhiteNoise::new(seed, 1), WhiteNoise::new(seed, 2));
         let mut recording = String::from("time_s,drive_V,cap_fF\n");
         let mut reference = String::from("time_s,x_m,v_m_per_s\n");
-        let mut x = [0.0; 2];
+        let mut x = start;
         let h = INTERVAL_S / SUBSTEPS as f64;
         for sample in 0..samples {
             let (time_s, volts) = (sample as f64 * INTERVAL_S, volts(sample));
@@ -139,4 +149,69 @@ fn is_consistent(contact: Contact, methods: &[&str], largest_step_error: f64) {
 #[test]
 fn a_contact_whose_force_jumps_is_passed_at_its_own_time() {
     is_consistent(Contact { damping: 2e-4 }, &["ekf", "ukf"], 0.05);
+}
+
+/// A contact that is pressed is a spring of 1 MHz, sampled at 2 MHz: from sample to sample half a cycle turns the noise that has entered. The claims of a filter that rests on it are those of a Kalman filter of the same spring, with its own exact noise.
+#[test]
+fn the_noise_of_a_motion_that_rests_on_a_contact_is_that_of_the_contact() {
+    for damping in [0.0, 2e-4] {
+        let contact = Contact { damping };
+        let folder = tempfile::tempdir().unwrap();
+        // Where pull and springs are in balance under 22 V.
+        let mut depth = 0.0;
+        for _ in 0..100 {
+            let gap = 2e-6 - STOP - depth;
+            depth = (EPS_AREA * 484.0 / (2.0 * gap * gap) - MASS * W * W * (STOP + depth)) / 8000.0;
+        }
+        let rests = [STOP + depth, 0.0];
+        contact.record_from(rests, folder.path(), 2000, 7);
+        let start = format!("start = {{ x = \"{:e} m\" }}", rests[0]);
+        let experiment = contact.experiment_from(&start, folder.path(), &["ekf"]);
+        let outcome = workflow::estimate(published(), &experiment, &Silent).unwrap();
+        let found = &outcome.recordings[0].segments[0].estimate.trajectories[0];
+        let gap = 2e-6 - rests[0];
+        let stiffness = W * W + 8000.0 / MASS - EPS_AREA * 484.0 / (MASS * gap.powi(3));
+        let expected = settled_sd(stiffness, W / 3.0 + damping / MASS, EPS_AREA / (gap * gap));
+        let last = found.time_s.len() - 1;
+        let claimed = [found.states[0].sd[last], found.states[1].sd[last]];
+        println!("{damping}: {claimed:?} {expected:?}, {} unresolved", found.counts.unresolved_kinks);
+        let apart =
+            claimed.iter().zip(expected).map(|(claim, sd)| (claim / sd - 1.0).abs()).fold(0.0, f64::max);
+        assert!(apart < 0.02, "{damping}: {claimed:?} {expected:?}");
+        assert_eq!(found.counts.unresolved_kinks, 0);
+    }
+}
+
+/// The standard deviations in which a Kalman filter of a damped spring settles: transition and noise by 2¹⁴ short steps of a sample.
+fn settled_sd(stiffness: f64, damping: f64, slope: f64) -> [f64; 2] {
+    const SHORT: u32 = 1 << 14;
+    let h = INTERVAL_S / f64::from(SHORT);
+    // One short step to second order.
+    let a = [[0.0, 1.0], [-stiffness, -damping]];
+    let product = |a: [[f64; 2]; 2], b: [[f64; 2]; 2]| {
+        [0, 1].map(|i| [0, 1].map(|j| a[i][0] * b[0][j] + a[i][1] * b[1][j]))
+    };
+    let squared = product(a, a);
+    let one = [0, 1]
+        .map(|i| [0, 1].map(|j| f64::from(u8::from(i == j)) + h * a[i][j] + 0.5 * h * h * squared[i][j]));
+    let moved = |f: [[f64; 2]; 2], p: [[f64; 2]; 2]| {
+        let transposed = [0, 1].map(|i| [0, 1].map(|j| f[j][i]));
+        product(product(f, p), transposed)
+    };
+    let (mut f, mut q) = ([[1.0, 0.0], [0.0, 1.0]], [[0.0; 2]; 2]);
+    for _ in 0..SHORT {
+        (f, q) = (product(one, f), moved(one, q));
+        q[1][1] += DENSITY * h;
+    }
+    let mut p = [[1e-18, 0.0], [0.0, 1e-6]];
+    for _ in 0..10_000 {
+        p = moved(f, p);
+        for (row, noise) in p.iter_mut().zip(q) {
+            row.iter_mut().zip(noise).for_each(|(entry, noise)| *entry += noise);
+        }
+        let variance = slope * slope * p[0][0] + SAMPLE_SD * SAMPLE_SD;
+        let gain = [0, 1].map(|i| p[i][0] * slope / variance);
+        p = [0, 1].map(|i| [0, 1].map(|j| p[i][j] - gain[i] * variance * gain[j]));
+    }
+    [p[0][0].sqrt(), p[1][1].sqrt()]
 }

@@ -24,6 +24,7 @@ mod parameter_quantities;
 #[path = "../parts/mod.rs"]
 mod parts;
 mod resets;
+mod sampling_rates;
 mod several_signals;
 mod shooting;
 mod sizes;

@@ -15,5 +15,6 @@ mod piston_motions;
 mod process_noise;
 mod readouts;
 mod side_by_side;
+mod smoothed;
 mod starts;
 mod verdict;

@@ -29,8 +29,9 @@ fn experiment(changes: &[(&str, &str)]) -> Experiment {
 fn a_stream_equals_the_estimate_sample_by_sample() {
     let path = example("recording.csv");
     let bytes = std::fs::read(&path).unwrap();
-    for (longest, waits_for) in [(60, 2), (100_000, 2), (60, 1)] {
-        let lag = format!("[estimate]\ninterpolation_lag = {waits_for}");
+    for (longest, lag, waits_for) in [(60, 2, 2), (100_000, 2, 2), (60, 1, 1), (60, 0, 1)] {
+        // An answer that lags is given to its end, which the next sample tells.
+        let lag = format!("[estimate]\ninterpolation_lag = {lag}");
         let experiment = experiment(&[("every = 10", "every = 1"), ("[estimate]", &lag)]);
         let rig = published().rig(&experiment).unwrap();
         let recording = SampledRecording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
@@ -42,6 +43,21 @@ fn a_stream_equals_the_estimate_sample_by_sample() {
         let [zeros, ahead] = ["zero_phase", "zero_phase_ahead"].map(count);
         assert!((1001..=1005).contains(&zeros) && (500..=503).contains(&ahead), "{zeros} {ahead}");
         assert_eq!(zeros + ahead, events.len(), "{events:?}");
+    }
+}
+
+#[test]
+fn a_stream_that_waits_for_no_sample_equals_the_estimate() {
+    let path = example("recording.csv");
+    let bytes = std::fs::read(&path).unwrap();
+    let lag = "[estimate]\ninterpolation_lag = 0";
+    let changes = [("every = 10", "every = 1"), ("[estimate]", lag), ("smooth_lag = \"100 us\"", "")];
+    let experiment = experiment(&changes);
+    let rig = published().rig(&experiment).unwrap();
+    let recording = SampledRecording::read(&path, &rig.layout(&experiment, 0).unwrap()).unwrap();
+    for longest in [60, 100_000] {
+        let (_, summary) = same_bits_in_a_stream(&experiment, &recording, (&bytes, longest));
+        assert_eq!((summary.estimated, summary.waits_for), (24_001, 0));
     }
 }
 

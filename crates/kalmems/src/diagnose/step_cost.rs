@@ -1,0 +1,76 @@
+//! What the integration step of a filter costs at the rate of a recording, before anything is estimated of it.
+
+use super::bench::{TestedRows, TrialBench};
+use crate::config::{Experiment, Key, put};
+use crate::evaluate::StepErrors;
+use crate::inspect::quantity;
+use crate::outlook::OutlookTopic;
+use crate::progress::Progress;
+use crate::rigs::Workbench;
+use crate::simulate::{ComputedRecording, described};
+use kalmems_figures::significant;
+use toml::Value;
+
+/// Rows behind the settling time, of which the second half is later than what the steps are planned on.
+const ROWS: TestedRows = TestedRows(8192);
+
+/// What the integration step costs the first filter of an experiment whose innovations are white when it is right, by the beginning of its first
+/// recording or of its simulation; `None` where its steps are exact or those of a published method, and where it cannot be run.
+pub fn step_cost(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    progress: &dyn Progress,
+) -> Option<OutlookTopic> {
+    let bench = if experiment.recordings.is_empty() {
+        of_simulation(workbench, experiment, progress)?
+    } else {
+        TrialBench::of(workbench, experiment, None).ok()?.with_files(ROWS, progress).ok()?
+    };
+    let planned = bench.step_errors(None)?;
+    let one = if planned.steps_per_sample > 1 { bench.step_errors(Some(1)) } else { None };
+    let (rows, lasts_s) = bench.extent();
+    let rate_hz = match bench.samples(&bench.signal) {
+        Some((_, interval_s)) => interval_s.recip(),
+        None => rows as f64 / lasts_s,
+    };
+    let percent = |errors: &StepErrors| format!("{} %", significant(100.0 * errors.error));
+    let steps = planned.steps_per_sample;
+    let mut text = format!(
+        "At {} `{}` takes {steps} step{} from each sample to the next; over {rows} samples the error of the steps is {} of the standard deviation that it \
+         claims",
+        quantity(rate_hz, "Hz"),
+        bench.filter_name,
+        if steps == 1 { "" } else { "s" },
+        percent(&planned),
+    );
+    if let Some(one) = &one {
+        text += &format!(", and that of one step {}", percent(one));
+    }
+    if planned.is_remarkable() {
+        text += ": sample at a higher rate, or state a larger number of `steps` for the filter";
+    }
+    text += ".";
+    let values = [steps as f64, planned.error, one.unwrap_or(planned).error];
+    Some(OutlookTopic::new("Integration").with("steps_their_error_and_that_of_one", values, text))
+}
+
+/// By the beginning of a simulation.
+fn of_simulation<'a>(
+    workbench: &'a Workbench,
+    experiment: &Experiment,
+    progress: &dyn Progress,
+) -> Option<TrialBench<'a>> {
+    let simulate = experiment.simulate.as_ref()?;
+    let skip_s = experiment.estimate.as_ref()?.skip.si();
+    let lasts_s = (skip_s + ROWS.0 as f64 / simulate.sampling_rate.si()).min(simulate.duration.si());
+    let mut document = super::document::document(experiment).ok()?;
+    put(&mut document, &Key::from("simulate.duration"), Value::String(format!("{lasts_s:e} s"))).ok()?;
+    let short = workbench.parse(&toml::to_string(&document).ok()?, experiment.path()).ok()?;
+    let simulation = workbench.rig(&short).ok()?.simulate(&short).ok()?;
+    let computed = ComputedRecording::of(&*simulation, progress).ok()?;
+    let short = described(&short, &*simulation);
+    let rig = workbench.rig(&short).ok()?;
+    let index = *rig.wanted(&short).ok()?.first()?;
+    let recording = computed.recorded(&rig.layout(&short, index).ok()?).ok()?;
+    TrialBench::of(workbench, &short, None).ok()?.with_recording(recording).ok()
+}

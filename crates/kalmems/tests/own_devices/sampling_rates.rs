@@ -1,0 +1,310 @@
+//! Filters that are told what is true, at several sampling rates: their verdicts, their errors against their claims, and what their steps cost.
+
+use super::step_errors::{
+    Between, Device, accelerometer, ring, scanner, stage, stiffening, stiffening_of_known_resonance, thermal,
+    whole,
+};
+use kalmems::evaluate::Grade;
+use kalmems::progress::Silent;
+use kalmems::results::{Metrics, notices};
+use kalmems::rigs::published;
+use kalmems::simulate::WhiteNoise;
+use kalmems::workflow;
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+/// What a right filter is told by its verdict in one run.
+struct Judged {
+    grade: Grade,
+    step_error: f64,
+    mean_squares: Vec<f64>,
+}
+
+/// The true motion begins where the filter's claim of its start has it at random. States of which nothing is random have one error in a run, and are
+/// left out.
+fn judged<const N: usize, const M: usize>(
+    device: &Device<N, M>,
+    samples: usize,
+    seed: u64,
+    without: &[&str],
+) -> Judged {
+    let folder = tempfile::tempdir().unwrap();
+    let mut chance = WhiteNoise::new(seed, 6);
+    let start = std::array::from_fn(|i| device.start[i] + device.start_sd[i] * chance.sample());
+    device.record_from(start, folder.path(), samples, seed);
+    let outcome = workflow::estimate(published(), &device.experiment(folder.path(), &[""]), &Silent).unwrap();
+    let metrics = Metrics::of(&outcome);
+    let one = metrics.estimators().next().unwrap();
+    let grade = one.grade.unwrap();
+    if grade > Grade::PassesWithRemarks {
+        println!("{:?}", notices(&metrics));
+    }
+    let of_states = one.values.iter().filter(|(name, _)| !without.contains(*name));
+    Judged {
+        grade,
+        step_error: one.step_errors.map_or(0.0, |errors| errors.error),
+        mean_squares: of_states.filter_map(|(_, value)| Some(value.claim?.mean_square)).collect(),
+    }
+}
+
+/// Holds right filters at each rate against their claims; of so many samples in a cycle and with a seed, what several of them are told.
+fn hold_at_every_rate(seeds: u64, of: impl Fn(f64, u64) -> Vec<(&'static str, Judged)>) {
+    let (mut doubted, mut runs) = (0, 0);
+    for per_cycle in [20.0, 26.0, 32.0, 64.0, 200.0] {
+        let mut squares: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+        for seed in 1000..1000 + seeds {
+            for (name, one) in of(per_cycle, seed) {
+                runs += 1;
+                doubted += usize::from(one.grade > Grade::PassesWithRemarks);
+                assert!(one.step_error < 0.05, "{name}, {per_cycle} a cycle: {}", one.step_error);
+                squares.entry(name).or_default().extend(one.mean_squares);
+            }
+        }
+        for (name, squares) in squares {
+            let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+            println!("{name}, {per_cycle} samples in a cycle: mean square error {mean:.3} of the claimed");
+            assert!((0.8..1.3).contains(&mean), "{name}, {per_cycle}: {mean}");
+        }
+    }
+    println!("{doubted} of {runs} right filters doubted");
+    assert!(doubted * 50 <= runs, "{doubted} of {runs}");
+}
+
+#[test]
+#[ignore = "slow: ten minutes on two processors in a release build"]
+fn slow_right_filters_hold_at_every_sampling_rate() {
+    hold_at_every_rate(10, |per_cycle, seed| {
+        let samples = |cycles: f64| whole(cycles * per_cycle);
+        vec![
+            ("scanner", judged(&scanner(per_cycle, 1e4, between(per_cycle)), samples(700.0), seed, &[])),
+            (
+                "resonance known",
+                judged(&stiffening_of_known_resonance(20e3 * per_cycle), samples(1000.0), seed, &[]),
+            ),
+            ("resonance a state", judged(&stiffening(20e3 * per_cycle), samples(1000.0), seed, &[])),
+            ("ring", judged(&Device { rate_hz: 7.5e3 * per_cycle, ..ring() }, samples(900.0), seed, &[])),
+        ]
+    });
+}
+
+#[test]
+#[ignore = "slow: ten minutes on two processors in a release build"]
+fn slow_right_filters_of_further_devices_hold_at_every_sampling_rate() {
+    hold_at_every_rate(6, |per_cycle, seed| {
+        let samples = |cycles: f64| whole(cycles * per_cycle);
+        let at = |cycle_hz: f64| cycle_hz * per_cycle;
+        let stage = Device { rate_hz: at(1714.5), substeps: whole(800.0 / per_cycle), ..stage() };
+        let thermal = Device { rate_hz: at(480.0), substeps: whole(800.0 / per_cycle), ..thermal() };
+        vec![
+            ("comb resonator", judged(&comb_resonator(per_cycle), samples(800.0), seed, &[])),
+            ("tuning fork", judged(&tuning_fork(per_cycle), samples(1500.0), seed, &[])),
+            ("vibrating gyroscope", judged(&vibrating_gyroscope(per_cycle), samples(1000.0), seed, &[])),
+            ("thermal mirror", judged(&thermal, samples(500.0), seed, &["T", "F"])),
+            // 4.5 kHz is the rate of its mass and its spring, which the film damps over the critical.
+            ("accelerometer", judged(&accelerometer(at(4.5e3)), samples(700.0), seed, &[])),
+            ("micro-stage", judged(&stage, samples(300.0), seed, &[])),
+            ("piston mirror", judged(&piston_mirror(per_cycle), samples(400.0), seed, &[])),
+            ("threshold", judged(&threshold(per_cycle), samples(300.0), seed, &[])),
+        ]
+    });
+}
+
+/// The polynomial through six samples of the drive alone makes errors of 1.4 times the claim at 20 samples in a cycle, as `inspect` says.
+fn between(per_cycle: f64) -> Between {
+    if per_cycle < 26.0 { Between::AlongItsSine } else { Between::AsItIs }
+}
+
+fn interpolation(per_cycle: f64) -> &'static str {
+    if per_cycle < 26.0 { "sine" } else { "quintic" }
+}
+
+/// A comb resonator whose spring hardens, behind an amplifier with a lag.
+fn comb_resonator(per_cycle: f64) -> Device<3, 1> {
+    let text = r#"
+[device.equations]
+states = { x = "m", v = "m/s", passed = "V" }
+inputs = { drive = "V" }
+interpolation = "BETWEEN"
+measure = { signal0 = "passed in V" }
+noise = { signal0 = "1e-6[V^2]", v = "2*4.0453e-21[J]*b/m^2" }
+parameters = { m = "1.2e-9 kg", k = "4.7374 N/m", b = "3.0159e-7 N s/m" }
+[device.equations.derivative]
+x = "v"
+v = "(2.96e-9[N/V^2]*drive^2 - b*v - k*x*(1 + 6.25e8[1/m^2]*x^2))/m"
+passed = "(0.2[V/um]*x - passed)/4e-6[s]"
+"#;
+    Device {
+        text: text.replace("BETWEEN", interpolation(per_cycle)),
+        states: ["x", "v", "passed"],
+        units: ["m", "m/s", "V"],
+        rate: Box::new(|[x, v, passed], u| {
+            let spring = 4.7374 * x * (1.0 + 6.25e8 * x * x);
+            let force = 2.96e-9 * u * u - 3.0159e-7 * v - spring;
+            [*v, force / 1.2e-9, (0.2e6 * x - passed) / 4e-6]
+        }),
+        read: Box::new(|[_, _, passed]| [*passed]),
+        noise: [0.0, 2.0 * 4.0453e-21 * 3.0159e-7 / 1.2e-9_f64.powi(2), 0.0],
+        sample_sd: [1e-3],
+        start: [0.0; 3],
+        start_sd: [1e-7, 6e-3, 2e-2],
+        drive: Box::new(|t| 10.0 + 2.0 * (TAU * 10e3 * t).sin()),
+        is_driven: true,
+        between: between(per_cycle),
+        rate_hz: 10e3 * per_cycle,
+        substeps: whole(1600.0 / per_cycle),
+        skip_s: 6e-3,
+    }
+}
+
+/// A tuning fork behind a charge amplifier, in a gas that makes a hundred times as much noise as its damping does.
+fn tuning_fork(per_cycle: f64) -> Device<3, 1> {
+    let text = r#"
+[device.equations]
+states = { x = "m", v = "m/s", passed = "C" }
+inputs = { drive = "V" }
+interpolation = "BETWEEN"
+measure = { signal0 = "-(coupling*x - passed)/4.7[pF] in V" }
+noise = { signal0 = "2.5e-9[V^2]", v = "2.5e-11[m^2/s^3]" }
+parameters = { m = "6.6e-7 kg", coupling = "9.2e-6 C/m" }
+[device.equations.derivative]
+x = "v"
+v = "(coupling*drive - 1.3586e-5[N s/m]*v - 27966.9[N/m]*x)/m"
+passed = "(coupling*x - passed)/1.034e-4[s]"
+"#;
+    Device {
+        text: text.replace("BETWEEN", interpolation(per_cycle)),
+        states: ["x", "v", "passed"],
+        units: ["m", "m/s", "C"],
+        rate: Box::new(|[x, v, passed], u| {
+            let force = 9.2e-6 * u - 1.3586e-5 * v - 27966.9 * x;
+            [*v, force / 6.6e-7, (9.2e-6 * x - passed) / 1.034e-4]
+        }),
+        read: Box::new(|[x, _, passed]| [-(9.2e-6 * x - passed) / 4.7e-12]),
+        noise: [0.0, 2.5e-11, 0.0],
+        sample_sd: [5e-5],
+        start: [0.0; 3],
+        start_sd: [1e-10, 2e-5, 1e-15],
+        drive: Box::new(|t| 0.01 * (TAU * 32_762.0 * t).sin()),
+        is_driven: true,
+        between: between(per_cycle),
+        rate_hz: 32_762.0 * per_cycle,
+        substeps: whole(1600.0 / per_cycle),
+        skip_s: 10e-3,
+    }
+}
+
+/// Two modes that a rate of rotation couples, which is a state with its own bandwidth.
+fn vibrating_gyroscope(per_cycle: f64) -> Device<6, 2> {
+    let text = r#"
+[device.equations]
+states = { Omega = "rad/s", alpha = "rad/s^2", x = "m", v = "m/s", y = "m", w = "m/s" }
+inputs = { drive = "V" }
+interpolation = "BETWEEN"
+measure = { signal0 = "0.2[V/um]*x in V", signal1 = "10[V/um]*y in V" }
+parameters = { m = "1e-8 kg", bandwidth = "125.66 rad/s" }
+[device.equations.derivative]
+x = "v"
+v = "(3.9e-8[N/V]*drive - 1.2e-7[N s/m]*v - 39.44[N/m]*x - 5e-3[N/m]*y)/m + 2*Omega*w"
+y = "w"
+w = "(-6.8e-7[N s/m]*w - 41.5[N/m]*y - 5e-3[N/m]*x)/m - 2*Omega*v"
+Omega = "alpha"
+alpha = "-bandwidth^2*Omega - 2*bandwidth*alpha"
+[device.equations.noise]
+v = "2*4.0453e-21[J]*1.2e-7[N s/m]/m^2"
+w = "2*4.0453e-21[J]*6.8e-7[N s/m]/m^2"
+alpha = "4*bandwidth^3*1[rad^2/s^2]"
+signal0 = "1e-6[V^2]"
+signal1 = "9e-8[V^2]"
+"#;
+    let thermal = |damping: f64| 2.0 * 4.0453e-21 * damping / 1e-16;
+    Device {
+        text: text.replace("BETWEEN", interpolation(per_cycle)),
+        states: ["Omega", "alpha", "x", "v", "y", "w"],
+        units: ["rad/s", "rad/s^2", "m", "m/s", "m", "m/s"],
+        rate: Box::new(|[turning, change, x, v, y, w], u| {
+            let of_drive = 3.9e-8 * u - 1.2e-7 * v - 39.44 * x - 5e-3 * y;
+            let of_sense = -6.8e-7 * w - 41.5 * y - 5e-3 * x;
+            let (b, coriolis) = (125.66, 2.0 * turning);
+            let settles = -b * b * turning - 2.0 * b * change;
+            [*change, settles, *v, of_drive / 1e-8 + coriolis * w, *w, of_sense / 1e-8 - coriolis * v]
+        }),
+        read: Box::new(|[_, _, x, _, y, _]| [2e5 * x, 1e7 * y]),
+        noise: [0.0, 4.0 * 125.66_f64.powi(3), 0.0, thermal(1.2e-7), 0.0, thermal(6.8e-7)],
+        sample_sd: [1e-3, 3e-4],
+        start: [0.0, 0.0, -4e-6, 0.0, 0.0, 0.0],
+        start_sd: [1.0, 125.66, 1e-7, 6e-3, 2e-8, 1.3e-3],
+        drive: Box::new(|t| (TAU * 9995.0 * t).sin()),
+        is_driven: true,
+        between: between(per_cycle),
+        rate_hz: 9995.0 * per_cycle,
+        substeps: whole(1600.0 / per_cycle),
+        skip_s: 20e-3,
+    }
+}
+
+/// A plate whose distance swings, with amplitude, frequency and phase as states.
+fn piston_mirror(per_cycle: f64) -> Device<5, 1> {
+    let text = r#"
+[device.equations]
+states = { A = "m", f = "Hz", phi = "rad", d0 = "m", A_rate = "m/s" }
+let = { near = "1[mm]/(d0 + A*cos(phi))" }
+derivative = { A = "A_rate", f = "0", phi = "2*pi*f", d0 = "0", A_rate = "0" }
+measure = { signal0 = "1[V/pF]*(3[fF] + 100[fF]*near + 9.3[fF]*near^2) in V" }
+cyclic = { phi = "2*pi" }
+noise = { f = "1e-4[Hz^2/s]", d0 = "1e-13[m^2/s]", A_rate = "1e-9[m^2/s^3]", signal0 = "1e-10[V^2]" }
+"#;
+    Device {
+        text: text.to_owned(),
+        states: ["A", "f", "phi", "d0", "A_rate"],
+        units: ["m", "Hz", "rad", "m", "m/s"],
+        rate: Box::new(|x, _| [x[4], 0.0, TAU * x[1], 0.0, 0.0]),
+        read: Box::new(|[amplitude, _, phase, distance, _]| {
+            let near = 1e-3 / (distance + amplitude * phase.cos());
+            [3e-3 + 0.1 * near + 9.3e-3 * near * near]
+        }),
+        noise: [0.0, 1e-4, 0.0, 1e-13, 1e-9],
+        sample_sd: [1e-5],
+        start: [0.5e-3, 500.0, 0.7, 1e-3, 0.0],
+        start_sd: [1e-7, 0.01, 1e-3, 1e-7, 1e-6],
+        drive: Box::new(|_| 0.0),
+        is_driven: false,
+        between: Between::Held,
+        rate_hz: 500.0 * per_cycle,
+        substeps: 16,
+        skip_s: 40e-3,
+    }
+}
+
+/// A mirror in resonance that is read by a comb at a threshold.
+fn threshold(per_cycle: f64) -> Device<2, 1> {
+    let text = r#"
+[device.equations]
+states = { theta = "rad", omega = "rad/s" }
+inputs = { drive = "V" }
+interpolation = "BETWEEN"
+let = { w = "2*pi*624.6[Hz]", form = "1/(1 + exp(-76*(theta - 0.0037)))" }
+derivative = { theta = "omega", omega = "-0.0132*w*omega - w^2*theta + 600[rad/s^2/V]*drive" }
+measure = { signal0 = "2.82[mV s/rad]*form*omega + 1[mV] in V" }
+noise = { omega = "1e3[rad^2/s^3]", signal0 = "1e-6[V^2]" }
+"#;
+    Device {
+        text: text.replace("BETWEEN", interpolation(per_cycle)),
+        states: ["theta", "omega"],
+        units: ["rad", "rad/s"],
+        rate: Box::new(|[angle, rate], u| {
+            let w = TAU * 624.6;
+            [*rate, -0.0132 * w * rate - w * w * angle + 600.0 * u]
+        }),
+        read: Box::new(|[angle, rate]| [2.82e-3 * rate / (1.0 + (-76.0 * (angle - 3.7e-3)).exp()) + 1e-3]),
+        noise: [0.0, 1e3],
+        sample_sd: [1e-3],
+        start: [-0.088, 0.0],
+        start_sd: [1e-3, 4.0],
+        drive: Box::new(|t| 30.0 * (TAU * 624.6 * t).sin()),
+        is_driven: true,
+        between: between(per_cycle),
+        rate_hz: 624.6 * per_cycle,
+        substeps: whole(1600.0 / per_cycle),
+        skip_s: 20e-3,
+    }
+}
