@@ -381,17 +381,17 @@ fn each_part(drives: &[Drive], from_s: f64, to_s: f64, mut each: impl FnMut(f64,
 }
 
 /// The same as [`Drive::parts`] for several drives at once, whose nodes are written to `nodes`: begin and end of each part, and all
-/// drives over it.
+/// drives over it, 0 of those that are not `wanted`.
 pub fn parts_of_all(
-    drives: &[Drive],
+    (drives, wanted): (&[Drive], &[bool]),
     (from_s, to_s): (f64, f64),
     nodes: &mut [Vec<f64>; 3],
     each: &mut impl FnMut(f64, f64, &Nodes<&[f64]>),
 ) {
     each_part(drives, from_s, to_s, |start, end| {
         nodes.iter_mut().for_each(Vec::clear);
-        for drive in drives {
-            let of = drive.nodes_between(start, end);
+        for (drive, wanted) in drives.iter().zip(wanted) {
+            let of = if *wanted { drive.nodes_between(start, end) } else { Nodes::held(0.0) };
             for (list, value) in nodes.iter_mut().zip([of.start, of.middle, of.end]) {
                 list.push(value);
             }

@@ -1,6 +1,6 @@
 //! How far the integration steps of a simulation change what it records.
 
-use super::{SimulateError, SimulatedColumn, Simulation};
+use super::{SimulateError, SimulatedColumn, Simulation, SimulationStart};
 use crate::config::{Experiment, Quantity};
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -31,7 +31,8 @@ const LEAST_SAMPLES: usize = 4096;
 const REMARKABLE: f64 = 0.05;
 
 impl IntegrationError {
-    /// Compares the simulation of an experiment with one in twice as many steps; `simulate` makes both.
+    /// Compares the simulation of an experiment with one in twice as many steps from where its recording begins; `simulate` makes both. What came
+    /// before is the same for both: a device that a sweep catches is caught in one of several phases, whatever the steps.
     ///
     /// `None` where no recorded column depends on the steps.
     ///
@@ -40,6 +41,7 @@ impl IntegrationError {
     /// Those of the simulations.
     pub fn of(
         experiment: &Experiment,
+        start: &SimulationStart,
         simulate: &SimulationMaker<'_>,
     ) -> Result<Option<Self>, SimulateError> {
         let Some(stated) = &experiment.simulate else { return Ok(None) };
@@ -59,7 +61,7 @@ impl IntegrationError {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, saturating
             let most = (COMPARED_STEPS * stated.sampling_rate.si() / rate_hz) as usize;
             let samples = if noise { LEAST_SAMPLES } else { most.max(LEAST_SAMPLES) };
-            Ok((columns(&*simulation, samples)?, simulation.recorded().to_vec(), rate_hz))
+            Ok((columns(&*simulation, start, samples)?, simulation.recorded().to_vec(), rate_hz))
         };
         let (coarse, names, rate_hz) = with(false, None)?;
         let (fine, ..) = with(false, Some(2.0 * rate_hz))?;
@@ -85,10 +87,14 @@ impl IntegrationError {
 }
 
 /// So many of the first samples of each recorded column, or as many as there are.
-fn columns(simulation: &dyn Simulation, samples: usize) -> Result<Vec<Vec<f64>>, SimulateError> {
+fn columns(
+    simulation: &dyn Simulation,
+    start: &SimulationStart,
+    samples: usize,
+) -> Result<Vec<Vec<f64>>, SimulateError> {
     let mut columns = vec![Vec::new(); simulation.recorded().len()];
     let mut count = 0;
-    let ended = simulation.run(&mut |sample| {
+    let ended = simulation.run_from(start, &mut |sample| {
         for (column, value) in columns.iter_mut().zip(sample.recorded) {
             column.push(*value);
         }

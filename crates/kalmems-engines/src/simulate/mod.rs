@@ -32,7 +32,9 @@ pub use floquet::{floquet_exponent, monodromy};
 pub use input::{SimulatedInput, captured, input_of};
 pub use integration::IntegrationError;
 pub use noise::WhiteNoise;
-pub use recording::{Papers, RunFile, SimulateError, SimulatedColumn, SimulatedSample, Simulation};
+pub use recording::{
+    Papers, RunFile, SimulateError, SimulatedColumn, SimulatedSample, Simulation, SimulationStart,
+};
 pub use response::{
     SweepHold, SweepPoint, SweepSettings, SweepStartUp, Sweeps, start_up, stepped_sweep, sweeps_both_ways,
 };

@@ -1,5 +1,6 @@
 //! A recording that is computed.
 
+use super::WhiteNoise;
 use crate::config::{ConfigError, RecordingRole};
 use crate::recording::{ReadError, RecordingSource};
 use kalmems_figures::{Figure, number};
@@ -92,13 +93,38 @@ pub trait Simulation {
         None
     }
 
+    /// What moves the device before the recording begins, as far as that; nothing where its start is stated.
+    fn begin(&self) -> Result<SimulationStart, SimulateError> {
+        Ok(SimulationStart::default())
+    }
+
     /// Runs it from its start, sample by sample. Every run gives the same.
     fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError>;
+
+    /// The same from where [`begin`](Self::begin) has led this simulation, or one that differs from it in steps and noise alone.
+    fn run_from(
+        &self,
+        _: &SimulationStart,
+        each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>,
+    ) -> Result<(), SimulateError> {
+        self.run(each)
+    }
 
     /// What a run tells beside its samples; nothing before it has run.
     fn papers(&self) -> Papers {
         Papers::default()
     }
+}
+
+/// A simulation where its recording begins.
+#[derive(Clone, Debug, Default)]
+pub struct SimulationStart {
+    /// The states.
+    pub state: Vec<f64>,
+    /// The random numbers of their rates.
+    pub noises: Vec<WhiteNoise>,
+    /// States and inputs at whole samples before, as many as instruments look back.
+    pub past: Vec<[Vec<f64>; 2]>,
 }
 
 /// Why there is no simulation.

@@ -43,6 +43,8 @@ pub struct Motion {
     /// The states that no equation moves and on which slopes of the rates by states depend.
     held: Vec<usize>,
     has_kinks: bool,
+    /// Which inputs enter the rates.
+    takes: Vec<bool>,
 }
 
 /// The numbers of states for which a step is compiled.
@@ -109,6 +111,13 @@ impl Device {
         let rows = own_rates.iter().zip(varying).enumerate();
         let bent = rows.filter(|(_, (rate, varies))| *varies || graph.depends(**rate, is_input));
         let bent = bent.map(|(row, _)| row).collect();
+        let takes = (0..self.inputs.len())
+            .map(|input| {
+                own_rates
+                    .iter()
+                    .any(|rate| graph.depends(*rate, |variable| variable == Variable::Input(input)))
+            })
+            .collect();
         let has_kinks = own_rates.iter().any(|rate| graph.has_kink(*rate));
         let program = self.program_with((&mut graph, &roots), (free, held_numbers), "derivative")?;
         let program = program.with_first_results(states);
@@ -148,6 +157,7 @@ impl Device {
             is_linear,
             held,
             has_kinks,
+            takes,
         })
     }
 
@@ -262,6 +272,11 @@ impl Motion {
             }
         }
         finite && are_finite(jacobian)
+    }
+
+    /// Which of the inputs enter the rates.
+    pub fn takes(&self) -> &[bool] {
+        &self.takes
     }
 
     /// Whether a rate is not smooth everywhere: an `if`, `max`, `min` or `abs` of a state stands in it.

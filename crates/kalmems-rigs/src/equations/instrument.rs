@@ -127,6 +127,11 @@ impl InstrumentHistory {
         self.reach.map(|samples| samples as u64)
     }
 
+    /// States and inputs of the samples that are kept, for another history to go on from.
+    pub fn past(&self) -> Vec<[Vec<f64>; 2]> {
+        self.kept.iter().map(|[state, _, inputs]| [state.clone(), inputs.clone()]).collect()
+    }
+
     /// The next sample.
     pub fn push(&mut self, state: &[f64], inputs: &[f64]) {
         let mut rates = vec![0.0; state.len()];

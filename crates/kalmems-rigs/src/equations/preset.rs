@@ -13,7 +13,7 @@ use crate::identify::{Identification, IdentifyError};
 use crate::outlook::{Outlook, OutlookTopic};
 use crate::progress::Progress;
 use crate::recording::{RecordingLayout, RecordingSource};
-use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation};
+use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation, SimulationStart};
 use crate::{Estimator, Expansion, OmittedNumber, RecordingChannels, Rig, StateDensity, Template};
 use kalmems_engines::rig::{LengthScale, export_of_rig};
 use std::marker::PhantomData;
@@ -287,10 +287,22 @@ impl Simulation for NamedSimulation {
         self.simulation.sources()
     }
 
+    fn begin(&self) -> Result<SimulationStart, SimulateError> {
+        self.simulation.begin()
+    }
+
     fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+        self.run_from(&self.begin()?, each)
+    }
+
+    fn run_from(
+        &self,
+        start: &SimulationStart,
+        each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>,
+    ) -> Result<(), SimulateError> {
         let [mut recorded, mut truth] = self.columns.map(|columns| vec![0.0; columns.len()]);
         let [(_, of_recorded), (_, of_truth)] = &self.kept;
-        self.simulation.run(&mut |sample| {
+        self.simulation.run_from(start, &mut |sample| {
             let take = |to: &mut Vec<f64>, places: &[usize], all: &[f64]| {
                 to.clear();
                 to.extend(places.iter().map(|place| all.get(*place).copied().unwrap_or(f64::NAN)));

@@ -13,7 +13,7 @@ use crate::config::{
 use crate::recording::RecordingSource;
 use crate::simulate::{
     Converter, Drive, SimulateError, SimulatedColumn, SimulatedInput, SimulatedSample, Simulation,
-    WhiteNoise, captured, drive_of, input_of, parts_of_all,
+    SimulationStart, WhiteNoise, captured, drive_of, input_of, parts_of_all,
 };
 use crate::units::kind;
 use kalmems_equations::{
@@ -280,6 +280,27 @@ impl EquationSimulation {
 }
 
 impl EquationSimulation {
+    /// Steps per second and per sample: the stated rate, or a whole multiple of it that follows the fastest motion as well.
+    fn steps(&self) -> Result<(f64, u64), SimulateError> {
+        let stated_hz = self.simulate.integration_rate.si();
+        let parts = steps_over(self.own.pace(), stated_hz.recip());
+        let parts = parts.ok_or(SimulateError::NotFinite { time_s: 0.0 })?;
+        Ok((stated_hz * parts as f64, self.simulate.steps_per_sample() * parts as u64))
+    }
+
+    /// How many streams of random numbers come before those of the rates: one for each measurement and instrument; those of events come behind.
+    fn before_rates(&self) -> usize {
+        self.own.device.measures().len() + self.instruments.len()
+    }
+
+    /// What the instruments look back on, empty; `None` without one.
+    fn history(&self) -> Result<Option<InstrumentHistory>, EquationError> {
+        let Self { own, simulate, instruments, .. } = self;
+        let noises = streams(simulate.seed, own.device.measures().len(), instruments.len());
+        let interval_s = simulate.sampling_rate.si().recip();
+        InstrumentHistory::of(own, instruments, (noises, simulate.noise), interval_s)
+    }
+
     /// Why a motion that was finite an interval ago is not any more.
     fn not_finite(&self, before: (&[f64], &[f64]), time_s: f64, interval_s: f64) -> SimulateError {
         let left = self.own.device.left_table(&self.own.values, before, interval_s);
@@ -380,6 +401,8 @@ struct SimulatedMotion {
     /// The random numbers of each rate.
     of_rates: Vec<WhiteNoise>,
     nodes: [Vec<f64>; 3],
+    /// Which inputs a step asks for.
+    takes: Vec<bool>,
     inputs: Vec<f64>,
     next: Vec<f64>,
 }
@@ -393,10 +416,13 @@ impl SimulatedMotion {
     ) -> Result<Self, EquationError> {
         let own = &simulation.own;
         let motion = own.device.motion(&[])?;
+        let resets = own.device.resets(&own.values, (&motion, &[]))?;
+        let takes = motion.takes().iter().map(|enters| *enters || resets.is_some()).collect();
         Ok(Self {
             work: motion.work(&own.values),
             tables: motion.tables(),
-            resets: own.device.resets(&own.values, (&motion, &[]))?,
+            resets,
+            takes,
             sizes: NoiseSizes::of(simulation, step_s)?,
             of_rates,
             nodes: [const { Vec::new() }; 3],
@@ -408,9 +434,9 @@ impl SimulatedMotion {
 
     /// A step between two times in s, and behind it the noise of the rates.
     fn advance(&mut self, drives: &[Drive], state: &mut Vec<f64>, from_to_s: (f64, f64)) {
-        let Self { motion, work, tables, resets, sizes, of_rates, nodes, inputs, next } = self;
+        let Self { motion, work, tables, resets, sizes, of_rates, nodes, inputs, next, takes } = self;
         sizes.at_step(drives, state, (from_to_s.0, inputs));
-        parts_of_all(drives, from_to_s, nodes, &mut |from_s, to_s, nodes| {
+        parts_of_all((drives, takes), from_to_s, nodes, &mut |from_s, to_s, nodes| {
             let length_s = to_s - from_s;
             motion.set_runge_kutta(tables, length_s);
             let finite = motion.step(work, state, nodes, tables, next);
@@ -467,6 +493,11 @@ fn readings_of(
     places.map(|place| Ok(Reading::new(readout(&own.device, place, &[])?, &own.values))).collect()
 }
 
+/// So many streams of random numbers, from this one on.
+fn streams(seed: u64, from: usize, count: usize) -> Vec<WhiteNoise> {
+    (from..from + count).map(|stream| WhiteNoise::new(seed, stream as u64)).collect()
+}
+
 /// The inputs at a time in s.
 fn inputs_at(drives: &[Drive], time_s: f64, inputs: &mut [f64]) {
     for (input, drive) in inputs.iter_mut().zip(drives) {
@@ -488,8 +519,7 @@ impl Simulation for EquationSimulation {
     }
 
     fn steps_per_s(&self) -> Option<f64> {
-        let rate_hz = self.simulate.integration_rate.si();
-        steps_over(self.own.pace(), rate_hz.recip()).map(|parts| rate_hz * parts as f64)
+        self.steps().ok().map(|(rate_hz, _)| rate_hz)
     }
 
     fn sources(&self) -> &[RecordingSource] {
@@ -504,64 +534,73 @@ impl Simulation for EquationSimulation {
             && self.own.device.motion(&[]).is_ok_and(|motion| motion.is_linear() && longest_row(&motion) <= 4)
     }
 
-    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
-        let Self { own, simulate, .. } = self;
+    fn begin(&self) -> Result<SimulationStart, SimulateError> {
         let too_large = |_| SimulateError::NotFinite { time_s: 0.0 };
-        let mut readings =
-            readings_of(own, 0..own.device.measures().len(), Device::readout).map_err(too_large)?;
-        let mut quantities =
-            readings_of(own, 0..own.device.quantities().len(), Device::quantity).map_err(too_large)?;
-        // One stream of random numbers for each measurement and instrument, and behind them one for each state.
-        let streams = |from: usize, count: usize| -> Vec<WhiteNoise> {
-            (0..count).map(|stream| WhiteNoise::new(simulate.seed, (from + stream) as u64)).collect()
-        };
-        let mut of_samples = streams(0, readings.len());
-        let of_instruments = streams(readings.len(), self.instruments.len());
-        let before_rates = readings.len() + self.instruments.len();
-        let of_rates = streams(before_rates, self.start.len());
-        let of_events = streams(before_rates + self.start.len(), self.events.len());
-        let mut events = self.simulated_events(of_events).map_err(too_large)?;
-        // The stated rate, or a whole multiple of it that follows the fastest motion as well.
-        let Some(parts) = steps_over(own.pace(), simulate.integration_rate.si().recip()) else {
-            return Err(SimulateError::NotFinite { time_s: 0.0 });
-        };
-        let rate_hz = simulate.integration_rate.si() * parts as f64;
-        let steps = simulate.steps_per_sample() * parts as u64;
-        let mut moved = SimulatedMotion::of(self, rate_hz.recip(), of_rates).map_err(too_large)?;
-        let mut rates = moved.motion.work(&own.values);
-        let interval_s = simulate.sampling_rate.si().recip();
-        let mut state = self.start.clone();
-        let mut recorded = vec![0.0; self.recorded.len()];
-        let measured = self.recorded.len() - self.events.len();
-        let mut truth = vec![0.0; self.truth.len()];
-        let mut inputs = vec![0.0; self.drives.len()];
-        let mut drives = self.drives.clone();
-        let turn = |state: &mut [f64]| turn(&self.periods, state);
-        let noises = (of_instruments, simulate.noise);
-        let history = InstrumentHistory::of(own, &self.instruments, noises, interval_s);
-        let mut history = history.map_err(too_large)?;
-        let [back, ahead] = history.as_ref().map_or([0; 2], InstrumentHistory::reach);
+        let (rate_hz, steps) = self.steps()?;
+        let streams = streams(self.simulate.seed, self.before_rates(), self.start.len());
+        let mut moved = SimulatedMotion::of(self, rate_hz.recip(), streams).map_err(too_large)?;
+        let mut history = self.history().map_err(too_large)?;
+        let back = history.as_ref().map_or(0, |history| history.reach()[0]);
+        let (mut state, mut inputs) = (self.start.clone(), vec![0.0; self.drives.len()]);
         // Before the recording, where an input asks for that.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative, and saturating
         let steps_before = (self.before_s * rate_hz).round() as u64;
         if let Some(history) = &mut history {
             let begins_s = -(steps_before as f64 / rate_hz);
             let known = steps_before / steps;
-            history.push_before((&state, begins_s), (back.saturating_sub(known), steps), &drives);
+            history.push_before((&state, begins_s), (back.saturating_sub(known), steps), &self.drives);
         }
         for left in (1..=steps_before).rev() {
             let from_to_s = (-(left as f64 / rate_hz), -((left - 1) as f64 / rate_hz));
             if let Some(history) =
                 history.as_mut().filter(|_| left.is_multiple_of(steps) && left <= back * steps)
             {
-                inputs_at(&drives, from_to_s.0, &mut inputs);
+                inputs_at(&self.drives, from_to_s.0, &mut inputs);
                 history.push(&state, &inputs);
             }
-            moved.advance(&drives, &mut state, from_to_s);
-            turn(&mut state);
+            moved.advance(&self.drives, &mut state, from_to_s);
+            turn(&self.periods, &mut state);
             if left.is_multiple_of(LOOK) && !state.iter().all(|x| x.is_finite()) {
                 return Err(SimulateError::NotFinite { time_s: -(left as f64 / rate_hz) });
             }
+        }
+        let past = history.as_ref().map(InstrumentHistory::past).unwrap_or_default();
+        Ok(SimulationStart { state, noises: moved.of_rates, past })
+    }
+
+    fn run(&self, each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>) -> Result<(), SimulateError> {
+        self.run_from(&self.begin()?, each)
+    }
+
+    fn run_from(
+        &self,
+        start: &SimulationStart,
+        each: &mut dyn FnMut(&SimulatedSample) -> ControlFlow<()>,
+    ) -> Result<(), SimulateError> {
+        let Self { own, simulate, .. } = self;
+        let too_large = |_| SimulateError::NotFinite { time_s: 0.0 };
+        let mut readings =
+            readings_of(own, 0..own.device.measures().len(), Device::readout).map_err(too_large)?;
+        let mut quantities =
+            readings_of(own, 0..own.device.quantities().len(), Device::quantity).map_err(too_large)?;
+        let mut of_samples = streams(simulate.seed, 0, readings.len());
+        let of_events = streams(simulate.seed, self.before_rates() + self.start.len(), self.events.len());
+        let mut events = self.simulated_events(of_events).map_err(too_large)?;
+        let (rate_hz, steps) = self.steps()?;
+        let mut moved =
+            SimulatedMotion::of(self, rate_hz.recip(), start.noises.clone()).map_err(too_large)?;
+        let mut rates = moved.motion.work(&own.values);
+        let interval_s = simulate.sampling_rate.si().recip();
+        let mut state = start.state.clone();
+        let mut recorded = vec![0.0; self.recorded.len()];
+        let measured = self.recorded.len() - self.events.len();
+        let mut truth = vec![0.0; self.truth.len()];
+        let mut inputs = vec![0.0; self.drives.len()];
+        let mut drives = self.drives.clone();
+        let mut history = self.history().map_err(too_large)?;
+        let ahead = history.as_ref().map_or(0, |history| history.reach()[1]);
+        if let Some(history) = &mut history {
+            start.past.iter().for_each(|[state, inputs]| history.push(state, inputs));
         }
         let mut step_count = 0_u64;
         let mut before = state.clone();
@@ -634,7 +673,7 @@ impl Simulation for EquationSimulation {
                     event.end((&moved.motion, &mut rates), &state, (to_s, &inputs));
                 }
             }
-            turn(&mut state);
+            turn(&self.periods, &mut state);
         }
         Ok(())
     }

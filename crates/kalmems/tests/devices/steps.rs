@@ -134,12 +134,17 @@ fn swinging() -> String {
 #[test]
 fn a_simulation_tells_what_its_integration_steps_change() {
     let rig = |experiment: &Experiment| published().rig(experiment).unwrap().simulate(experiment);
+    let changed = |text: &str| {
+        let experiment = parse(text);
+        let start = rig(&experiment).unwrap().begin().unwrap();
+        IntegrationError::of(&experiment, &start, &rig).unwrap().unwrap()
+    };
     let found: Vec<IntegrationError> = [1.0, 2.0, 4.0]
         .map(|steps: f64| {
             let text = swinging();
             let line = text.lines().find(|line| line.starts_with("integration_rate")).unwrap();
             let rate = format!("integration_rate = \"{:.6} kHz\"", 32.0 * MOTION_KHZ * steps);
-            IntegrationError::of(&parse(&text.replace(line, &rate)), &rig).unwrap().unwrap()
+            changed(&text.replace(line, &rate))
         })
         .into();
     println!("{found:?}");
@@ -153,8 +158,19 @@ fn a_simulation_tells_what_its_integration_steps_change() {
     assert!((noise / 1.92e-4_f64.sqrt() - 1.0).abs() < 0.05 && found[0].column == "cap_V", "{found:?}");
     assert!(found[0].is_remarkable() && !found[2].is_remarkable(), "{found:?}");
     let quiet = swinging().replace("seed = 3", "noise = false\nseed = 3");
-    let quiet = IntegrationError::of(&parse(&quiet), &rig).unwrap().unwrap();
+    let quiet = changed(&quiet);
     assert!(quiet.in_noise_sd.is_none() && quiet.largest > 0.0, "{quiet:?}");
+}
+
+/// The phase that a sweep catches a device in hangs on the last digit of what came before, and is that of no step.
+#[test]
+fn steps_of_a_captured_motion_are_compared_from_its_recording_on() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/threshold_scanner/simulation.toml");
+    let experiment = published().parse(&std::fs::read_to_string(&path).unwrap(), &path).unwrap();
+    let rig = |experiment: &Experiment| published().rig(experiment).unwrap().simulate(experiment);
+    let start = rig(&experiment).unwrap().begin().unwrap();
+    let found = IntegrationError::of(&experiment, &start, &rig).unwrap().unwrap();
+    assert!(found.samples == 30_001 && found.largest > 0.0 && !found.is_remarkable(), "{found:?}");
 }
 
 /// A lag behind a lag, without process noise: its covariance falls below any rounding.

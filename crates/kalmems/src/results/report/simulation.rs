@@ -88,7 +88,8 @@ pub fn write_simulation(
     progress: &dyn Progress,
 ) -> Result<SimulationSummary, SimulationWriteError> {
     let input_id = input_id(experiment, simulation);
-    let integration = IntegrationError::of(experiment, &|other| rig.simulate(other))?;
+    let start = simulation.begin()?;
+    let integration = IntegrationError::of(experiment, &start, &|other| rig.simulate(other))?;
     progress.begin("simulating", simulation.samples());
     let mut largest = 0.0_f64;
     let (mut recorded, mut truth) =
@@ -100,7 +101,7 @@ pub fn write_simulation(
             header(recording, simulation.recorded())?;
             header(reference, simulation.truth())?;
             let (mut done, mut written) = (0, Ok(()));
-            ended = simulation.run(&mut |sample| {
+            ended = simulation.run_from(&start, &mut |sample| {
                 largest = largest.max(sample.truth.first().map_or(0.0, |x| x.abs()));
                 written = row(recording, sample, sample.recorded)
                     .and_then(|()| row(reference, sample, sample.truth));
