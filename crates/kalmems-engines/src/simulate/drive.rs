@@ -531,7 +531,7 @@ mod tests {
         let drives = [square, steps, ring_down, late];
         let mut nodes = [const { Vec::new() }; 3];
         let mut found: Vec<(f64, f64, Vec<f64>)> = Vec::new();
-        parts_of_all(&drives, (0.0, 0.13), &mut nodes, &mut |from, to, nodes| {
+        parts_of_all((&drives, &[true; 4]), (0.0, 0.13), &mut nodes, &mut |from, to, nodes| {
             // Within a part no drive jumps, and at its ends each is what it is within.
             for (k, drive) in drives.iter().enumerate() {
                 let inside = [from + 1e-9, from.midpoint(to), to - 1e-9].map(|t| drive.at(t));
