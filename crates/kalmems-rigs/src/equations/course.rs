@@ -376,9 +376,10 @@ impl Course for EquationCourse<'_> {
             let taken_for =
                 (self.variant == Variant::Literal).then(|| self.signal_variance.unwrap_or(*variance));
             let y = channel.signal[k];
-            return match y.is_finite() {
-                true => by_signal_taken_for(filter, sensor, (y, *variance), taken_for).map(Some),
-                false => Ok(None),
+            return if y.is_finite() {
+                by_signal_taken_for(filter, sensor, (y, *variance), taken_for).map(Some)
+            } else {
+                Ok(None)
             };
         }
         if self.signal_variance.is_some() {

@@ -456,19 +456,18 @@ fn test_samples(
     let measured: Vec<Vec<f64>> = (0..rows).map(measured_at).collect();
     // The first row, and those by which the source does not correct.
     let every = request.update_every.get() as usize;
-    for (_, signal) in &mut signals {
-        let left_out =
-            signal.iter_mut().enumerate().filter(|(k, _)| k.checked_sub(1).is_none_or(|k| k % every != 0));
-        left_out.for_each(|(_, value)| *value = f64::NAN);
+    for (k, value) in signals.iter_mut().flat_map(|(_, signal)| signal.iter_mut().enumerate()) {
+        if k.checked_sub(1).is_none_or(|k| k % every != 0) {
+            *value = f64::NAN;
+        }
     }
     if rows <= at_least {
         return Err(ExportError::Samples { file: file(), asked: at_least, found: rows.saturating_sub(1) });
     }
-    let count = at_most.min(rows.saturating_sub(1));
+    let (count, lag) = (at_most.min(rows.saturating_sub(1)), InterpolationLag::of(experiment));
     if count == 0 {
         return Ok(Vec::new());
     }
-    let lag = InterpolationLag::of(experiment);
     let sampled = |values| SegmentDrive::new(&time_s[..rows], values, interval_s).waiting_for(lag);
     let mut drives: Vec<SegmentDrive<'_>> = volts.iter().map(|values| sampled(&values[..rows])).collect();
     let rates = rates_of_inputs(&own.device, &drives, interval_s);
@@ -497,8 +496,7 @@ fn test_samples(
         motion,
     };
     let models = filter.models(own).map_err(|error| ExportError::from(refused(experiment, &error)))?;
-    let sine = settings.sine.as_ref();
-    let skip_s = settings.skip_s;
+    let (sine, skip_s) = (settings.sine.as_ref(), settings.skip_s);
     let way =
         EquationFilterTask { own, sine, skip_s, filter, models: &models, data: &data, progress: &Silent };
     let found = way

@@ -185,9 +185,8 @@ impl InstrumentHistory {
             state.clear();
             let part = place - before as f64;
             let ends = x.iter().zip(rates).zip(next.iter().zip(next_rates));
-            state.extend(ends.map(|((x, rate), (next, next_rate))| match part == 0.0 {
-                true => *x,
-                false => hermite((*x, *rate), (*next, *next_rate), *interval_s, part),
+            state.extend(ends.map(|((x, rate), (next, next_rate))| {
+                if part == 0.0 { *x } else { hermite((*x, *rate), (*next, *next_rate), *interval_s, part) }
             }));
             *to = reading.read(&state, inputs) + *sd * noise.sample();
         }

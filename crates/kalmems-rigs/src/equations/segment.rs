@@ -3,6 +3,7 @@
 use super::EquationColumns;
 use super::course::{EquationCourse, EquationSegment, SegmentChannel};
 use super::event_search::EventSearches;
+use super::event_times::EventTimes;
 use super::events::EventSettings;
 use super::input_part::InputPart;
 use super::model::{EquationModel, Interval, noises};
@@ -19,8 +20,8 @@ use crate::crossings::RowsNeeded;
 use crate::estimate::driven::{BLOCK, DrivePast, HYBRID_STEPS, InterpolationLag, SegmentDrive};
 use crate::estimate::{
     AngleAxis, AnyFilter, BatchStart, Course, EstimateError, FilterPast, MeanAndCovariance, MotionRate, Past,
-    RowsAround, SampleSelection, SegmentEstimate, SegmentPart, Sensor, SignalSegment, StartedCourse,
-    Trajectory, Transition, answers_of_bank, begun, follow,
+    RecordedPassing, RowsAround, SampleSelection, SegmentEstimate, SegmentPart, Sensor, SignalSegment,
+    StartedCourse, Trajectory, Transition, answers_of_bank, begun, follow,
 };
 use crate::progress::{Interruption, Progress};
 use crate::recording::Finding;
@@ -225,11 +226,7 @@ impl Estimator for EquationEstimator<'_> {
             self.refused.get_or_insert(why);
         }
         let events = kept.times(self.experiment, settings, &self.columns, &segment)?;
-        let passes_hz = settings.own.natural_hz().map(|natural_hz| 2.0 * natural_hz);
-        let said = events.iter().map(|event| event.passings(&segment.fresh, segment.ends, passes_hz));
-        let (said, refused): (Vec<_>, Vec<usize>) = said.unzip();
-        let mut crossings: Vec<_> = said.into_iter().flatten().collect();
-        crossings.sort_by_key(|(row, _)| *row);
+        let (crossings, refused) = passings(&settings.own, &events, &segment);
         let data = EquationSegment {
             place: &segment.place,
             start_s: segment.start_s,
@@ -255,8 +252,7 @@ impl Estimator for EquationEstimator<'_> {
             let past = past.filter(index);
             let models = self.models.get(index).map_or(&[][..], Vec::as_slice);
             let (own, progress) = (&settings.own, self.progress);
-            let sine = settings.sine.as_ref();
-            let skip_s = settings.skip_s;
+            let (sine, skip_s) = (settings.sine.as_ref(), settings.skip_s);
             let way = EquationFilterTask { own, sine, skip_s, filter, models, data: &data, progress };
             let mut found = way.follow(past)?;
             for (answer, trajectory) in found.iter_mut().enumerate() {
@@ -275,8 +271,7 @@ impl Estimator for EquationEstimator<'_> {
         let axis = AngleAxis { angle: judged, motion: judged_motion, drive: steady };
         let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), all);
         estimate.remarks = remarks;
-        estimate.crossings_refused = refused.into_iter().sum();
-        estimate.crossings = crossings.into_iter().map(|(_, crossing)| crossing).collect();
+        (estimate.crossings, estimate.crossings_refused) = (crossings, refused);
         kept.pass(&segment);
         past.numbers = kept.numbers();
         self.searches = Some(kept);
@@ -287,6 +282,20 @@ impl Estimator for EquationEstimator<'_> {
         self.columns.require_usable(diagnosis, place, |_| true)?;
         self.refused.take().map_or(Ok(()), Err)
     }
+}
+
+/// What is said of the new rows of all events, in the order in which it becomes known, and how many passings are not told.
+fn passings(
+    own: &OwnDevice,
+    events: &[EventTimes<'_>],
+    segment: &SignalSegment<'_>,
+) -> (Vec<RecordedPassing>, usize) {
+    let passes_hz = own.natural_hz().map(|natural_hz| 2.0 * natural_hz);
+    let said = events.iter().map(|event| event.passings(&segment.fresh, segment.ends, passes_hz));
+    let (said, refused): (Vec<_>, Vec<usize>) = said.unzip();
+    let mut all: Vec<_> = said.into_iter().flatten().collect();
+    all.sort_by_key(|(row, _)| *row);
+    (all.into_iter().map(|(_, passing)| passing).collect(), refused.into_iter().sum())
 }
 
 /// An input that bends by more than this many standard deviations of a signal within a sample has no known rate there.

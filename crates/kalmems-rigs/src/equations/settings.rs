@@ -322,6 +322,35 @@ pub fn parameters(
     names::parameters((table, device), &added)
 }
 
+/// What a method takes that follows no motion: the inverse of a measurement, or the oscillations that measurements show. What the equations
+/// cannot give the method is refused.
+fn without_motion(
+    (experiment, at, filter): (&Experiment, &Key, &FilterTable),
+    (own, sine): (&OwnDevice, Option<&QuantitySine>),
+    chosen: &[usize],
+) -> Result<(Option<Inverse>, Vec<MeasuredOscillation>), ConfigError> {
+    let refused = |why| experiment.error(at.clone().child("method"), ConfigFault::Value { why });
+    match (filter.method, chosen) {
+        (Method::EulerEkf, _) if own.device.has_resets() => {
+            let why = "a step of Euler's method does not find where states are set at once (`when`); use `ekf` or `ukf`";
+            Err(refused(why.to_owned()))
+        }
+        (Method::DirectInversion, [measure]) => {
+            Ok((Some(Inverse::of(own, *measure).map_err(refused)?), Vec::new()))
+        }
+        (Method::DirectInversion, _) => {
+            let why = "an inversion is that of one measurement; name it".to_owned();
+            Err(experiment.error(at.clone().child("channels"), ConfigFault::Value { why }))
+        }
+        (Method::LockIn, _) if sine.is_none() => {
+            let table = experiment.device_in_terms_of::<EquationsTable>()?;
+            let of = |measure: &usize| MeasuredOscillation::of(own, &table, *measure);
+            Ok((None, chosen.iter().map(of).collect::<Result<_, _>>().map_err(refused)?))
+        }
+        _ => Ok((None, Vec::new())),
+    }
+}
+
 impl EquationFilterSettings {
     fn of(
         experiment: &Experiment,
@@ -408,29 +437,11 @@ impl EquationFilterSettings {
         let signal_variance = filter.signal_variance.as_ref().map(Quantity::si);
         if signal_variance.is_some() {
             let has_gain = claims && !filter.method.has_fixed_gain();
-            refused_signal_variance(device, &chosen, has_gain).map_or(Ok(()), |why| {
-                Err(experiment
-                    .error(at.clone().child("signal_variance"), ConfigFault::Value { why: why.to_owned() }))
-            })?;
+            if let Some(why) = refused_signal_variance(device, &chosen, has_gain) {
+                return refuse("signal_variance", why.to_owned());
+            }
         }
-        let refused = |why| experiment.error(at.clone().child("method"), ConfigFault::Value { why });
-        if device.has_resets() && filter.method == Method::EulerEkf {
-            let why = "a step of Euler's method does not find where states are set at once (`when`); use `ekf` or `ukf`";
-            return Err(refused(why.to_owned()));
-        }
-        let mut inverse = None;
-        if filter.method == Method::DirectInversion {
-            let [measure] = chosen[..] else {
-                return refuse("channels", "an inversion is that of one measurement; name it".to_owned());
-            };
-            inverse = Some(Inverse::of(own, measure).map_err(refused)?);
-        }
-        let mut oscillations = Vec::new();
-        if filter.method == Method::LockIn && sine.is_none() {
-            let table = experiment.device_in_terms_of::<EquationsTable>()?;
-            let of = |measure: &usize| MeasuredOscillation::of(own, &table, *measure);
-            oscillations = chosen.iter().map(of).collect::<Result<_, _>>().map_err(refused)?;
-        }
+        let (inverse, oscillations) = without_motion((experiment, &at, filter), (own, sine), &chosen)?;
         // What the sine itself tells is not held by a start from it.
         let held = held.into_iter().filter(|state| sine.is_some_and(|sine| !sine.is_told(*state))).collect();
         Ok(Self {

@@ -647,7 +647,7 @@ impl Simulation for EquationSimulation {
                 if k < self.samples() {
                     waiting.push_back((time_s, recorded.clone(), truth.clone()));
                 }
-                match waiting.pop_front_if(|_| k >= ahead) {
+                match if k >= ahead { waiting.pop_front() } else { None } {
                     Some((time_s, mut recorded, truth)) => {
                         history.show(recorded.get_mut(of_instruments.clone()).unwrap_or_default());
                         each(&SimulatedSample { time_s, recorded: &recorded, truth: &truth })

@@ -19,9 +19,8 @@ use scaled::{CrossingSettings, ThresholdFilter};
 /// The filter at this place of the file, which is told of crossings; `None` of one whose equations say all of it.
 pub fn exported(experiment: &Experiment, place: usize) -> Result<Option<ThresholdFilter>, ExportError> {
     let hardware = ThresholdHardware::of(experiment)?;
-    let estimate = experiment.estimate.iter();
-    let Some((estimate, filter)) = estimate.filter_map(|all| Some((all, all.filters.get(place)?))).next()
-    else {
+    let mut estimate = experiment.estimate.iter();
+    let Some((estimate, filter)) = estimate.find_map(|all| Some((all, all.filters.get(place)?))) else {
         return Ok(None);
     };
     let Some(threshold) = &filter.threshold else { return Ok(None) };
