@@ -1,4 +1,6 @@
 //! Detections as the filters are told of them: how certain they are, and those that are none, at random times.
+//!
+//! The experiment and its rows are made here, of texts that are constant: no `unwrap` of them can fail.
 #![allow(clippy::cast_possible_truncation)] // seeds and places: small
 
 use super::bench::{ClosedFormDecay, INTERVAL_S, SAMPLES, ThresholdBench, crossings, errors};

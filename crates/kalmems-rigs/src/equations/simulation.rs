@@ -647,7 +647,8 @@ impl Simulation for EquationSimulation {
                 if k < self.samples() {
                     waiting.push_back((time_s, recorded.clone(), truth.clone()));
                 }
-                match if k >= ahead { waiting.pop_front() } else { None } {
+                let shown = if k >= ahead { waiting.pop_front() } else { None };
+                match shown {
                     Some((time_s, mut recorded, truth)) => {
                         history.show(recorded.get_mut(of_instruments.clone()).unwrap_or_default());
                         each(&SimulatedSample { time_s, recorded: &recorded, truth: &truth })
