@@ -1,7 +1,7 @@
 //! What an experiment file says about samples that arrive while they are estimated.
 
 use super::filter::FilterName;
-use super::kinds::{Frequency, Time};
+use super::kinds::{Angle, Frequency, Time};
 use super::quantity::Quantity;
 use super::regulated::TriggerDirection;
 use super::sign::Positive;
@@ -71,6 +71,10 @@ pub struct StreamTrigger {
     /// On which way of the motion through its middle; on both if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub direction: Option<TriggerDirection>,
+    /// The amplitude of the motion from which they are told; if left out 1 mrad, or what is usual of the device.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"1 mrad")]
+    pub least_amplitude: Option<Quantity<Angle, Positive>>,
     /// The name of the filter that tells them; the first if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub filter: Option<FilterName>,

@@ -62,6 +62,19 @@ impl Device {
         found.iter().map(states).collect()
     }
 
+    /// What becomes of each quantity when these states change their signs: 1 where it stays, −1 where its sign changes, `None` where it becomes
+    /// another one.
+    pub fn signs_of_quantities(&self, states: &[usize]) -> Vec<Option<f64>> {
+        let mut graph = self.graph.clone();
+        let parities = Parities::of(&mut graph, &self.followed, states);
+        let sign = |node: &NodeId| match parities.get(*node) {
+            Parity::Even => Some(1.0),
+            Parity::Odd => Some(-1.0),
+            Parity::Neither => None,
+        };
+        self.followed.iter().map(sign).collect()
+    }
+
     /// States that can change their signs together alone, since one stands by itself in a term of the rate of another: a rate and its angle, a
     /// lag and what it follows.
     fn groups(&self) -> Vec<Vec<usize>> {

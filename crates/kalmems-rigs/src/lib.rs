@@ -9,6 +9,7 @@ pub mod equations;
 pub mod micro_stage;
 pub mod piston_mirror;
 pub mod shared_scanner;
+mod side_outputs;
 mod source_code;
 mod spikes;
 mod table_file;

@@ -15,8 +15,9 @@ pub struct Expanded {
     pub notes: Vec<String>,
 }
 
-/// Keys of an estimate that are about a device's own ways.
-const OF_ESTIMATE: [&str; 4] = ["first_peak", "first_peak_y", "crossings", "parts"];
+/// Keys of an estimate that are about a device's own ways, and those that are about angles.
+const OF_ESTIMATE: [&str; 1] = ["crossings"];
+const OF_ANGLES: [&str; 3] = ["first_peak", "first_peak_y", "parts"];
 /// Those of a filter whose meaning the equations have in themselves or as events.
 const OF_FILTER: [&str; 2] = ["demodulator", "threshold"];
 /// Those that make another filter of it, which equations do not have.
@@ -25,7 +26,7 @@ const OTHER_FILTER: [&str; 3] = ["variant", "noise_memory", "known_acceleration"
 const LAGS: &str = "demodulator";
 /// Those of both that are written as events, where the device has them.
 const AS_EVENTS: [&str; 2] = ["crossings", "threshold"];
-/// Tables that go with a device's own identification, streams or simulation.
+/// Tables that go with a device's own identification or streams; a stream of angles has equations too.
 const OF_DEVICE: [&str; 2] = ["identify", "stream"];
 
 /// Writes an experiment with its rig's device as equations: its recordings and filters go with it as far as equations have what they
@@ -44,7 +45,8 @@ pub fn expand(workbench: &Workbench, experiment: &Experiment) -> Result<Expanded
     let mut document: Table = text.parse().map_err(|e: toml::de::Error| unwritten(e.to_string()))?;
     let mut notes = expansion.notes.clone();
     document.remove("device");
-    for name in OF_DEVICE {
+    let has_angles = part_of(&expansion, "angles").is_some();
+    for name in OF_DEVICE.into_iter().filter(|name| *name != "stream" || !has_angles) {
         if document.remove(name).is_some() {
             notes.push(format!(
                 "The table `[{name}]` was left out: it is about the device's own channels and parameters."
@@ -99,11 +101,8 @@ fn recordings(document: &mut Table, wanted: &[usize]) {
 
 /// Leaves what references know of the states and the quantities that the equations have.
 fn references(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>) {
-    let device: Table = expansion.text.parse().unwrap_or_default();
-    let states = device.get("device").and_then(|device| device.get("equations")?.get("states")?.as_table());
-    let quantities =
-        device.get("device").and_then(|device| device.get("equations")?.get("quantities")?.as_table());
-    let is_answer = |name: &str| [states, quantities].iter().flatten().any(|table| table.contains_key(name));
+    let answers = ["states", "quantities"].map(|table| part_of(expansion, table));
+    let is_answer = |name: &str| answers.iter().flatten().any(|table| table.contains_key(name));
     let Some(Value::Array(recordings)) = document.get_mut("recording") else { return };
     let mut left_out = BTreeSet::new();
     for recording in recordings.iter_mut().filter_map(Value::as_table_mut) {
@@ -122,10 +121,18 @@ fn references(document: &mut Table, expansion: &Expansion, notes: &mut Vec<Strin
     }
 }
 
+/// A table of the device's equations.
+fn part_of(expansion: &Expansion, table: &str) -> Option<Table> {
+    let device: Table = expansion.text.parse().ok()?;
+    device.get("device")?.get("equations")?.get(table)?.as_table().cloned()
+}
+
 fn estimate(document: &mut Table, expansion: &Expansion, notes: &mut Vec<String>) {
     let Some(Value::Table(estimate)) = document.get_mut("estimate") else { return };
-    let mut removed: Vec<&str> =
-        OF_ESTIMATE.into_iter().filter(|key| estimate.remove(*key).is_some()).collect();
+    let has_angles = part_of(expansion, "angles").is_some();
+    let of_angles = OF_ANGLES.into_iter().filter(|_| !has_angles);
+    let left_out = OF_ESTIMATE.into_iter().chain(of_angles);
+    let mut removed: Vec<&str> = left_out.filter(|key| estimate.remove(*key).is_some()).collect();
     rename_noise(estimate, expansion);
     let mut own_sd = false;
     if let Some(Value::Array(filters)) = estimate.get_mut("filter") {
@@ -231,9 +238,7 @@ const OF_ANY_SIMULATION: [&str; 6] =
 
 /// Leaves of the simulation what any device has, from where its states start, without an input.
 fn leave_alone(document: &mut Table, expansion: &Expansion) {
-    let device: Table = expansion.text.parse().unwrap_or_default();
-    let named = |table: &str| device.get("device")?.get("equations")?.get(table)?.as_table().cloned();
-    let (states, inputs) = (named("states").unwrap_or_default(), named("inputs").unwrap_or_default());
+    let [states, inputs] = ["states", "inputs"].map(|table| part_of(expansion, table).unwrap_or_default());
     let Some(Value::Table(simulate)) = document.get_mut("simulate") else { return };
     simulate.retain(|key, _| OF_ANY_SIMULATION.contains(&key));
     if let Some(Value::Table(start)) = simulate.get_mut("start") {

@@ -13,7 +13,7 @@
 //!
 //! The answer itself is not changed by what the recording tells of b: a parameter that is to be learnt is a state.
 
-use super::driven::PHASE;
+use super::trajectory::PHASE;
 use super::{StateSeries, Trajectory};
 use kalmems_core::{Covariance, Scalar};
 use kalmems_models::control::MotionPhase;

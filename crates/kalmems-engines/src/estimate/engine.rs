@@ -9,6 +9,7 @@ use super::phase_prediction::{PhasePredictor, StatePropagation};
 use super::recovery::{FilterStop, Recovery};
 use super::signal_watch::WatchedSample;
 use super::step_watch::{StepCounts, StepFigure, followed_steps};
+use super::trajectory::PHASE;
 use super::transition::{Sensor, Transition};
 use super::{
     AnyKnownStateStep, FilterFailure, FurtherSignal, KnownStateStep, Lock, MeanAndCovariance, Restart,
@@ -16,8 +17,9 @@ use super::{
 };
 use crate::progress::Pace;
 use crate::progress::Progress;
-use crate::units::Kind;
-use kalmems_core::{FilterError, Innovation};
+use crate::units::{Kind, kind};
+use kalmems_core::{Covariance, FilterError, Innovation, Mat};
+use kalmems_models::control::MotionPhase;
 use std::ops::{ControlFlow, Range};
 use std::rc::Rc;
 use std::time::Instant;
@@ -310,13 +312,26 @@ impl DerivedQuantities {
         Self { names, compute: Rc::new(compute) }
     }
 
-    /// Two quantities that are computed together.
-    pub fn pair(
-        names: [StateName; 2],
-        compute: impl Fn(&[f64], &dyn Fn(usize, usize) -> f64) -> [(f64, f64); 2] + 'static,
-    ) -> Self {
-        Self::new(names.to_vec(), move |_, mean, covariance, to| {
-            compute(mean, covariance).into_iter().enumerate().for_each(|(place, value)| to(place, value));
+    /// Amplitude and phase of the first two states, an angle and its rate, by this rate of the motion in rad/s.
+    pub fn amplitude_and_phase(rate: f64) -> Self {
+        let names = vec![("amplitude", "rad", &kind::ANGLE), (PHASE, "rad", &kind::ANGLE)];
+        Self::new(names, move |_, mean, covariance, to| {
+            let of_motion: [f64; 2] = std::array::from_fn(|i| mean.get(i).copied().unwrap_or(f64::NAN));
+            let covariance = Covariance::from_lower(Mat::from_fn(covariance));
+            let motion = MotionPhase::of(&of_motion, &covariance, rate);
+            to(0, (motion.amplitude, motion.amplitude_sd));
+            to(1, (motion.phase, motion.phase_sd));
+        })
+    }
+
+    /// These, and others behind them.
+    #[must_use]
+    pub fn and(self, others: Self) -> Self {
+        let (count, first, second) = (self.names.len(), self.compute, others.compute);
+        let names = self.names.into_iter().chain(others.names).collect();
+        Self::new(names, move |row, mean, covariance, to| {
+            first(row, mean, covariance, to);
+            second(row, mean, covariance, &mut |place, value| to(count + place, value));
         })
     }
 

@@ -1,8 +1,21 @@
 //! Signs that the signals do not tell: which branch an answer is on is arbitrary, and two answers are compared on the same one.
 
 use super::Trajectory;
-use super::driven::PHASE;
+use super::trajectory::PHASE;
 use std::f64::consts::PI;
+
+/// The sign of a motion that the signals do not tell, as an experiment states it (`estimate.first_peak`).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StatedSign {
+    /// Which of the angles it is of, from 0.
+    pub axis: usize,
+    /// The place of the state that is its rate.
+    pub rate: usize,
+    /// The places of all that changes its sign with it.
+    pub states: Vec<usize>,
+    /// Whether the first turning point behind the first peak of the drive after the settling time is a maximum.
+    pub is_positive: bool,
+}
 
 /// How another answer is brought onto the branch of a first one.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,6 +80,19 @@ impl Trajectory {
             }
         }
         BranchAlignment { signs, phase: if is_mirrored { PI } else { 0.0 } }
+    }
+
+    /// Turns the sign of the states with these places, and the phase of the motion by half a turn.
+    pub(super) fn mirror(&mut self, places: &[usize]) {
+        self.mirrored = true;
+        for place in places {
+            let Some(state) = self.states.get_mut(*place) else { continue };
+            state.mean.iter_mut().for_each(|mean| *mean = -*mean);
+        }
+        let phases = self.states.iter_mut().skip(self.own_states).filter(|state| state.name == PHASE);
+        for phase in phases.flat_map(|state| &mut state.mean) {
+            *phase = if *phase > 0.0 { *phase - PI } else { *phase + PI };
+        }
     }
 
     /// The same answer with the other sign of a state, by its place, and of those that it belongs to; nothing of it is arbitrary any more.

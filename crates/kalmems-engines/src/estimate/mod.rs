@@ -62,7 +62,7 @@ pub use gate::{
     Decisions, EVENTS, FALSE_REJECTIONS, GateMode, GateTurn, NEVER, Rejection, SampleGate, UpdateLaw,
     largest_nis, memory_samples,
 };
-pub use hidden_sign::{BranchAlignment, are_opposite};
+pub use hidden_sign::{BranchAlignment, StatedSign, are_opposite};
 pub use known_state::{AnyKnownStateStep, KnownStateStep};
 pub use lock::is_the_only_one;
 pub use lock::{Lock, LockEvent, MotionRate, judge_lock};
@@ -71,9 +71,10 @@ pub use loss_watch::Reacquisition;
 pub use model_alone::ModelAlone;
 pub use part::{RowsAround, SegmentPart};
 pub(crate) use past::NumberBits;
-pub use past::{FilterPast, Past, PastState};
+pub use past::{AnswerPast, FilterPast, Past, PastState};
 pub use phase_prediction::{
-    PhasePrediction, PhasePredictionCounts, PhasePredictor, PredictedPhase, SideOutputs, StatePropagation,
+    FilterSideOutputs, PhasePrediction, PhasePredictionCounts, PhasePredictor, PredictedPhase, SideOutputs,
+    StatePropagation,
 };
 pub use readout_states::{ReadoutState, WithReadout};
 pub use recovery::FilterStop;
@@ -83,7 +84,7 @@ pub use stretches::{SkippedStretch, StretchAnswer, StretchJudge, StretchSummary,
 pub(crate) use tracked::is_at;
 pub use tracked::{DeviceParameter, Tracked};
 pub use trajectory::{
-    FilterFailure, FurtherSignal, NisConsistency, ParameterCorrelation, Restart, SampleCounts,
+    FilterFailure, FurtherSignal, NisConsistency, PHASE, ParameterCorrelation, Restart, SampleCounts,
     SignalConsistency, SignalName, StateSeries, TrackedPrior, Trajectory, TrajectoryKind,
 };
 pub use transition::{MeasurementSensor, ProcessTransition, Sensor, Transition};

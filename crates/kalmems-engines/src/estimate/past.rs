@@ -6,7 +6,9 @@ use super::driven::{DrivePast, InterpolationLag};
 use super::gate::{Decisions, SampleGate};
 use super::lock::LockJudge;
 use super::lock_in::OpenWindow;
-use super::{BatchStart, FilterBasics, MeanAndCovariance, PhasePredictor, SampleSelection, Trajectory};
+use super::{
+    BatchStart, FilterBasics, MeanAndCovariance, PhasePredictor, SampleSelection, StatedSign, Trajectory,
+};
 use crate::signal::{Sine, extremes_of_rate};
 use serde::{Deserialize, Serialize};
 
@@ -267,6 +269,7 @@ pub struct FilterPast {
 /// What is kept of one answer of a filter.
 #[derive(Default)]
 pub struct AnswerPast {
+    /// What judges its lock.
     pub judge: LockJudge,
     /// Whether the motion of each axis is mirrored, once that is known.
     mirrored: Vec<Option<bool>>,
@@ -343,28 +346,25 @@ impl FilterPast {
 }
 
 impl AnswerPast {
-    /// Gives the motion whose angle and rate begin at `first` the sign of its first turning point after the drive's peak.
+    /// Gives a motion the stated sign of its first turning point behind a time in s, that of a peak of the drive.
     ///
-    /// θ → −θ is an exact symmetry of plant and sensor, and the filters keep it: had the filter started mirrored, its
-    /// answer would be the mirrored one to the last bit. So the answer is mirrored, and says so. The voltages of the
-    /// demodulator and the parameters are the same in both. What came before the turning point was seen is mirrored with
-    /// it as far as it is part of the same piece.
-    pub fn orient(&mut self, trajectory: &mut Trajectory, first: usize, positive: bool, peak_s: f64) {
-        let axis = first / 2;
-        if self.mirrored.len() <= axis {
-            self.mirrored.resize(axis + 1, None);
+    /// x → −x of some states is an exact symmetry of plant and sensor, and the filters keep it: had the filter started mirrored, its
+    /// answer would be the mirrored one to the last bit. So the answer is mirrored, and says so. What came before the turning point was
+    /// seen is mirrored with it as far as it is part of the same piece.
+    pub fn orient(&mut self, trajectory: &mut Trajectory, sign: &StatedSign, peak_s: f64) {
+        if self.mirrored.len() <= sign.axis {
+            self.mirrored.resize(sign.axis + 1, None);
         }
-        if self.mirrored[axis].is_none() {
+        let mirrored = &mut self.mirrored[sign.axis];
+        if mirrored.is_none()
+            && let Some(rate) = trajectory.states.get(sign.rate)
+        {
             let from = trajectory.time_s.partition_point(|t| *t < peak_s);
-            let rates = &trajectory.states[first + 1].mean[from..];
-            let extremes = extremes_of_rate(&trajectory.time_s[from..], rates);
-            self.mirrored[axis] = extremes.first().map(|extreme| extreme.maximum != positive);
+            let extremes = extremes_of_rate(&trajectory.time_s[from..], &rate.mean[from..]);
+            *mirrored = extremes.first().map(|extreme| extreme.maximum != sign.is_positive);
         }
-        if self.mirrored[axis] == Some(true) {
-            trajectory.mirrored = true;
-            for mean in trajectory.states[first..first + 2].iter_mut().flat_map(|state| &mut state.mean) {
-                *mean = -*mean;
-            }
+        if *mirrored == Some(true) {
+            trajectory.mirror(&sign.states);
         }
     }
 }

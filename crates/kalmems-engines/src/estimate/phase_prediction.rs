@@ -1,6 +1,7 @@
 //! Zero phases that are told before they happen.
 
 use super::transition::{Transition, TransitionProcess};
+use super::{EstimateError, FilterBasics, FilterPast};
 use kalmems_core::{Covariance, Mat, NumericProcess};
 use kalmems_models::control::{Mark, StateStep, Trigger, TriggerSettings, UnusableTrigger};
 use serde::Serialize;
@@ -12,6 +13,66 @@ pub struct SideOutputs {
     pub phase: bool,
     /// Which zero phases are predicted, and the place of the filter that does.
     pub prediction: Option<(usize, PhasePrediction)>,
+}
+
+impl SideOutputs {
+    /// Whether any of it is asked for.
+    pub const fn is_asked(&self) -> bool {
+        self.phase || self.prediction.is_some()
+    }
+
+    /// What the filter at this place gives of a motion with about this rate in rad/s, where it is known whether the motion is mirrored; zero
+    /// phases from a time in s on.
+    pub fn of_filter(
+        &self,
+        place: usize,
+        (rate, mirrored): (f64, Option<bool>),
+        from_s: f64,
+    ) -> FilterSideOutputs {
+        let prediction = self.prediction.filter(|(own, _)| *own == place).map(|(_, prediction)| prediction);
+        FilterSideOutputs { rate, phase: self.phase, prediction, mirrored, from_s }
+    }
+}
+
+/// What a filter gives besides its states, an angle and its rate first.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FilterSideOutputs {
+    /// The rate of the motion in rad/s.
+    rate: f64,
+    /// Whether amplitude and phase are said.
+    phase: bool,
+    /// Which zero phases are predicted.
+    prediction: Option<PhasePrediction>,
+    /// Whether the motion is mirrored, where that is known.
+    mirrored: Option<bool>,
+    /// From when on they are predicted, in s.
+    pub from_s: f64,
+}
+
+impl FilterSideOutputs {
+    /// The rate in rad/s by which amplitude and phase are said, where they are asked for.
+    pub fn phase_rate(&self) -> Option<f64> {
+        self.phase.then_some(self.rate)
+    }
+
+    /// What predicts zero phases on the filter's way, where it is to, with samples that are so many s apart.
+    pub fn predictor(
+        &self,
+        filter: &FilterBasics,
+        interval_s: f64,
+        past: &mut FilterPast,
+    ) -> Result<Option<PhasePredictor>, EstimateError> {
+        let Some(prediction) = self.prediction else { return Ok(None) };
+        let mut predictor = if let Some(predictor) = past.predictor.take() {
+            predictor
+        } else {
+            let told_s = past.last_predicted_s();
+            PhasePredictor::new(&filter.key, prediction, (interval_s, self.rate), told_s)
+                .map_err(|why| EstimateError::Ahead { filter: filter.name.clone(), why })?
+        };
+        predictor.set_mirrored(self.mirrored);
+        Ok(Some(predictor))
+    }
 }
 
 /// Which zero phases are told, and when.

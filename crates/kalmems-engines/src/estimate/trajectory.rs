@@ -9,6 +9,9 @@ use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::ops::Range;
 
+/// The name of the motion's phase among the quantities that follow from the states.
+pub const PHASE: &str = "phase";
+
 /// A filter's answer over one segment of a recording, one entry per sample.
 #[derive(Clone, Debug)]
 pub struct Trajectory {

@@ -8,6 +8,7 @@ use super::interpolation::Interpolation;
 use super::kinks::KinkSteps;
 use super::model::{EquationModel, Interval, MeasurementUnderInputs};
 use super::names;
+use super::phases::PhaseCourse;
 use crate::config::Variant;
 use crate::estimate::driven::SegmentDrive;
 use crate::estimate::{
@@ -63,6 +64,12 @@ pub struct EquationSegment<'a> {
     pub motion: MotionRate,
 }
 
+/// The first peak of the first input that is a sine, from a time in s on; that time where there is none.
+pub fn peak_after(inputs: &[SegmentDrive<'_>], from_s: f64) -> f64 {
+    let sine = inputs.iter().find_map(SegmentDrive::first_sine);
+    sine.map_or(from_s, |sine| sine.peak_after(from_s))
+}
+
 impl EquationSegment<'_> {
     /// The inputs at a sample.
     pub fn inputs_at(&self, k: usize, to: &mut Vec<f64>) {
@@ -100,6 +107,10 @@ pub struct EquationCourse<'a> {
     /// The names of what follows from the states, and whether it follows from the inputs as well.
     quantities: Vec<StateName>,
     need_inputs: bool,
+    /// The rate of the motion in rad/s by which amplitude and phase are said behind the states.
+    phase_rate: Option<f64>,
+    /// What predicts zero phases.
+    phases: Option<PhaseCourse>,
     /// The variance of a sample of each channel, as its noise is at the mean that the sample is predicted from.
     variances: Vec<f64>,
     /// The variance that a sample of its one signal is taken for, where that is not the noise's.
@@ -141,6 +152,8 @@ impl<'a> EquationCourse<'a> {
             log_likelihood: 0.0,
             quantities: Vec::new(),
             need_inputs: false,
+            phase_rate: None,
+            phases: None,
             variances: Vec::new(),
             signal_variance: None,
         }
@@ -151,6 +164,17 @@ impl<'a> EquationCourse<'a> {
     pub fn answering(self, device: &Device) -> Self {
         let (quantities, need_inputs) = (names::quantities(device), device.quantities_need_inputs());
         Self { quantities, need_inputs, ..self }
+    }
+
+    /// The same, where amplitude and phase are said by this rate of the motion in rad/s, and zero phases are predicted.
+    #[must_use]
+    pub fn telling_phases(self, phase_rate: Option<f64>, phases: Option<PhaseCourse>) -> Self {
+        Self { phase_rate, phases, ..self }
+    }
+
+    /// What predicts zero phases, at the end of the way.
+    pub fn into_phases(self) -> Option<PhaseCourse> {
+        self.phases
     }
 
     /// The same, where a sample of its one signal is taken for this variance.
@@ -238,17 +262,16 @@ impl Sensor for PrintedSensor<'_> {
 }
 
 /// Takes the inputs of a step from nodes of each.
-fn set_nodes<'a>(
+pub fn set_nodes<T>(
     nodes: &mut [Vec<f64>; 3],
-    inputs: impl Iterator<Item = (&'a SegmentDrive<'a>, Interpolation)>,
-    of: impl Fn(&SegmentDrive<'_>, Interpolation) -> Nodes<f64>,
+    inputs: impl Iterator<Item = T>,
+    of: impl Fn(T) -> Nodes<f64>,
 ) {
     let [starts, middles, ends] = nodes;
     starts.clear();
     middles.clear();
     ends.clear();
-    for (input, between) in inputs {
-        let Nodes { start, middle, end } = of(input, between);
+    for Nodes { start, middle, end } in inputs.map(of) {
         starts.push(start);
         middles.push(middle);
         ends.push(end);
@@ -279,7 +302,18 @@ impl Course for EquationCourse<'_> {
     fn derived(&self) -> Option<DerivedQuantities> {
         let rows = if self.need_inputs { self.data.time_s.len() } else { 0 };
         let inputs = (0..rows).flat_map(|k| self.data.inputs.iter().map(move |input| input.sample(k).0));
-        self.model.derived(self.quantities.clone(), inputs.collect())
+        let own = self.model.derived(self.quantities.clone(), inputs.collect());
+        let phases = self.phase_rate.map(DerivedQuantities::amplitude_and_phase);
+        match (own, phases) {
+            (Some(own), Some(phases)) => Some(own.and(phases)),
+            (own, phases) => own.or(phases),
+        }
+    }
+
+    fn predict_phases(&mut self, filter: &dyn Filtering, k: usize) {
+        if let Some(phases) = &mut self.phases {
+            phases.take(filter, k, (self.model, self.data, self.between));
+        }
     }
 
     fn further_innovations(&self) -> &[[f64; 2]] {
@@ -321,7 +355,7 @@ impl Course for EquationCourse<'_> {
         let bridge = Bridge::over(interval, usual_s);
         if let Some(kinks) = self.kinks.as_mut().filter(|_| of_usual) {
             let inputs = self.data.inputs.iter().zip(self.between.iter().copied());
-            set_nodes(&mut self.nodes, inputs, |input, between| between.nodes(input, to));
+            set_nodes(&mut self.nodes, inputs, |(input, between)| between.nodes(input, to));
             let [start, middle, end] = &self.nodes;
             return kinks.advance(self.model, filter, Nodes { start, middle, end }, counts);
         }
@@ -335,7 +369,7 @@ impl Course for EquationCourse<'_> {
         for step in 0..steps {
             let at = |step: usize| from_s + interval * step as f64 / steps as f64;
             let inputs = self.data.inputs.iter().zip(self.between.iter().copied());
-            set_nodes(&mut self.nodes, inputs, |input, between| match input.substitute(to) {
+            set_nodes(&mut self.nodes, inputs, |(input, between)| match input.substitute(to) {
                 Some(sine) if intervals > 1 => {
                     between.between_ends(SegmentDrive::nodes_from_sine(sine, at(step), at(step + 1)))
                 }

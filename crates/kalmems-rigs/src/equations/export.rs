@@ -13,8 +13,9 @@ use crate::Rig;
 use crate::config::{ConfigFault, Experiment, Key, Method, Variant};
 use crate::estimate::driven::{InterpolationLag, SegmentDrive};
 use crate::estimate::{
-    AnyFilter, FALSE_REJECTIONS, FilterPast, GainOf, GateMode, MeanAndCovariance, MotionRate,
-    SampleSelection, Sensor, StateSeries, Tracked, Trajectory, Transition, largest_nis, memory_samples,
+    AnyFilter, FALSE_REJECTIONS, FilterPast, FilterSideOutputs, GainOf, GateMode, MeanAndCovariance,
+    MotionRate, SampleSelection, Sensor, StateSeries, Tracked, Trajectory, Transition, largest_nis,
+    memory_samples,
 };
 use crate::export::{
     ExportError, ExportRequest, Exported, SourceDigits, SourceLanguage, SourceTrial, c_name, heading,
@@ -497,8 +498,16 @@ fn test_samples(
     };
     let models = filter.models(own).map_err(|error| ExportError::from(refused(experiment, &error)))?;
     let (sine, skip_s) = (settings.sine.as_ref(), settings.skip_s);
-    let way =
-        EquationFilterTask { own, sine, skip_s, filter, models: &models, data: &data, progress: &Silent };
+    let way = EquationFilterTask {
+        own,
+        sine,
+        skip_s,
+        filter,
+        models: &models,
+        side_outputs: FilterSideOutputs::default(),
+        data: &data,
+        progress: &Silent,
+    };
     let found = way
         .follow(&mut FilterPast::default())
         .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_string() })?;

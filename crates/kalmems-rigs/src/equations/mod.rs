@@ -9,6 +9,7 @@ mod event_times;
 mod events;
 mod export;
 mod feedback;
+mod first_peak;
 mod input_part;
 mod instrument;
 mod interpolation;
@@ -21,6 +22,7 @@ mod ordered;
 mod oscillation;
 mod outlook;
 mod phase_lock;
+mod phases;
 mod preset;
 mod range;
 mod segment;
@@ -38,6 +40,7 @@ mod trigger;
 mod visibility;
 mod waveform;
 
+pub use first_peak::sign_after_restart;
 pub use preset::{OwnExport, Preset, PresetRig, meant};
 pub use table::EquationsTable;
 pub use threshold::PassedThreshold;
@@ -45,17 +48,16 @@ pub use threshold::PassedThreshold;
 use crate::config::{
     ConfigError, ConfigFault, DeviceKind, DeviceUses, Experiment, Key, Method, RecordingRole,
 };
-use crate::estimate::{DeviceParameter, EstimateError, Past};
+use crate::estimate::{DeviceParameter, EstimateError};
 use crate::evaluate::ValueState;
 use crate::export::{ExportError, ExportRequest, Exported};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
-use crate::recording::{Finding, FindingKind, RecordingLayout};
+use crate::recording::{Finding, FindingKind, RecordingLayout, SampledRecording};
 use crate::simulate::{SimulateError, Simulation};
 use crate::{Estimator, Expansion, RecordingChannels, Rig, StateDensity, Template, TemplateChannel};
 use kalmems_equations::Named;
-use range::RangeTally;
 use segment::EquationEstimator;
 use settings::{EquationSettings, OwnDevice};
 use simulation::EquationSimulation;
@@ -274,22 +276,33 @@ impl Rig for EquationsRig {
         index: usize,
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+        Ok(Box::new(EquationEstimator::of(experiment, index, progress)?))
+    }
+
+    fn live<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+        let estimator = EquationEstimator::of(experiment, index, progress)?;
+        let side_outputs = phases::wanted(experiment, &estimator.settings)?;
+        Ok(Box::new(EquationEstimator { side_outputs, ..estimator }))
+    }
+
+    fn signs_from_s(
+        &self,
+        experiment: &Experiment,
+        index: usize,
+        recording: &SampledRecording,
+    ) -> Result<Vec<f64>, EstimateError> {
         let settings = EquationSettings::of(experiment)?;
-        let models = settings.filters.iter().map(|filter| filter.models(&settings.own));
-        let models = models.collect::<Result<_, _>>().map_err(|error| refused(experiment, &error))?;
-        let columns = EquationColumns::of(experiment, index)?;
-        let (past, searches, refused, left_ranges) = (Past::default(), None, None, RangeTally::default());
-        Ok(Box::new(EquationEstimator {
-            experiment,
-            settings,
-            models,
-            columns,
-            past,
-            searches,
-            refused,
-            left_ranges,
-            progress,
-        }))
+        if !settings.own.hides_angle() {
+            return Ok(Vec::new());
+        }
+        let peak_s =
+            segment::first_drive_peak(&settings, &EquationColumns::of(experiment, index)?, recording)?;
+        Ok(self.angles(experiment).iter().filter_map(|_| peak_s).collect())
     }
 
     /// Its parameters are identified by likelihood, whichever the experiment names.

@@ -12,7 +12,7 @@ use crate::export::{ExportError, ExportRequest, ExportableFilter, Exported};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::{Outlook, OutlookTopic};
 use crate::progress::Progress;
-use crate::recording::{RecordingLayout, RecordingSource};
+use crate::recording::{RecordingLayout, RecordingSource, SampledRecording};
 use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation, SimulationStart};
 use crate::{Estimator, Expansion, OmittedNumber, RecordingChannels, Rig, StateDensity, Template};
 use kalmems_engines::rig::{LengthScale, export_of_rig};
@@ -195,6 +195,24 @@ impl<T: Preset> Rig for PresetRig<T> {
         progress: &'a dyn Progress,
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         EquationsRig.estimator(Self::read(experiment)?, index, progress)
+    }
+
+    fn live<'a>(
+        &self,
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
+        EquationsRig.live(Self::read(experiment)?, index, progress)
+    }
+
+    fn signs_from_s(
+        &self,
+        experiment: &Experiment,
+        index: usize,
+        recording: &SampledRecording,
+    ) -> Result<Vec<f64>, EstimateError> {
+        EquationsRig.signs_from_s(Self::read(experiment)?, index, recording)
     }
 
     fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {

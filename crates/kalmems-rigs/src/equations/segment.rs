@@ -1,14 +1,16 @@
 //! The filters of one segment.
 
 use super::EquationColumns;
-use super::course::{EquationCourse, EquationSegment, SegmentChannel};
+use super::course::{EquationCourse, EquationSegment, SegmentChannel, peak_after};
 use super::event_search::EventSearches;
 use super::event_times::EventTimes;
 use super::events::EventSettings;
+use super::first_peak::{orient, sign_after_restart};
 use super::input_part::InputPart;
 use super::model::{EquationModel, Interval, noises};
 use super::names;
 use super::phase_lock::{LoopOf, phase_lock};
+use super::phases::PhaseCourse;
 use super::range::RangeTally;
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::sine::{QuantitySine, SCORED_CYCLES};
@@ -19,15 +21,17 @@ use crate::config::{ConfigFault, Experiment, Key, Method};
 use crate::crossings::RowsNeeded;
 use crate::estimate::driven::{BLOCK, DrivePast, HYBRID_STEPS, InterpolationLag, SegmentDrive};
 use crate::estimate::{
-    AngleAxis, AnyFilter, BatchStart, Course, EstimateError, FilterPast, MeanAndCovariance, MotionRate, Past,
-    RecordedPassing, RowsAround, SampleSelection, SegmentEstimate, SegmentPart, Sensor, SignalSegment,
-    StartedCourse, Trajectory, Transition, answers_of_bank, begun, follow,
+    AngleAxis, AnyFilter, BatchStart, Course, EstimateError, FilterPast, FilterSideOutputs,
+    MeanAndCovariance, MotionRate, Past, RecordedPassing, RowsAround, SampleSelection, SegmentEstimate,
+    SegmentPart, Sensor, SideOutputs, SignalSegment, StartedCourse, Trajectory, Transition, answers_of_bank,
+    begun, follow,
 };
-use crate::progress::{Interruption, Progress};
-use crate::recording::Finding;
+use crate::progress::{Interruption, Progress, Silent};
+use crate::recording::{Finding, SampledRecording};
 use crate::signal::{SLOPE_REACH, Sine};
 use kalmems_core::Nodes;
 use kalmems_equations::{Device, EquationError};
+use std::f64::consts::TAU;
 
 /// Cycles of the free motion after the settling time in which a signal that does not cross its level as it has to is told.
 const STARTING_CYCLES: f64 = 4.0;
@@ -53,6 +57,8 @@ struct SampledInputs<'a, 'b> {
     segment: &'a SignalSegment<'a>,
     samples: &'b SampleSelection,
     past: &'b mut Past,
+    /// Whether it is asked how they go on.
+    foresees: bool,
     progress: &'b dyn Progress,
 }
 
@@ -65,7 +71,7 @@ impl<'a> SampledInputs<'a, '_> {
         drive: impl FnOnce(&mut DrivePast, &Interruption) -> SegmentDrive<'a>,
     ) -> Result<SegmentDrive<'a>, EstimateError> {
         let kept = self.past.input(index);
-        kept.foresees |= foresees;
+        kept.foresees |= foresees || self.foresees;
         let stop = Interruption::by(self.progress);
         let drive = drive(kept, &stop);
         if stop.is_requested() {
@@ -113,6 +119,31 @@ impl<'a> SampledInputs<'a, '_> {
     }
 }
 
+/// The time in s of the first peak of the drive behind the settling time, in a recording's first segment.
+pub fn first_drive_peak(
+    settings: &EquationSettings,
+    columns: &EquationColumns,
+    recording: &SampledRecording,
+) -> Result<Option<f64>, EstimateError> {
+    let device = &settings.own.device;
+    let Some((first, (measure, column))) = recording.segments().first().zip(columns.measured.first()) else {
+        return Ok(None);
+    };
+    let (part, mut past) = (SegmentPart::whole(recording, first), Past::default());
+    let kind = names::kind_of(&device.measures()[*measure]);
+    let segment = SignalSegment::of(&part, (column, kind), settings.skip_s, &mut past)?;
+    let samples = segment.samples();
+    let mut sampled = SampledInputs {
+        segment: &segment,
+        samples: &samples,
+        past: &mut past,
+        foresees: false,
+        progress: &Silent,
+    };
+    let inputs = sampled.stated(&settings.own, columns)?;
+    Ok(Some(peak_after(&inputs, segment.start_s + settings.skip_s)))
+}
+
 /// Estimates recordings, part by part.
 pub struct EquationEstimator<'a> {
     /// The experiment.
@@ -131,8 +162,35 @@ pub struct EquationEstimator<'a> {
     pub refused: Option<EstimateError>,
     /// How often its filters left the ranges of quantities.
     pub left_ranges: RangeTally,
+    /// What it gives besides the estimates.
+    pub side_outputs: SideOutputs,
     /// Who follows the work.
     pub progress: &'a dyn Progress,
+}
+
+impl<'a> EquationEstimator<'a> {
+    /// Of a recording of an experiment.
+    pub fn of(
+        experiment: &'a Experiment,
+        index: usize,
+        progress: &'a dyn Progress,
+    ) -> Result<Self, EstimateError> {
+        let settings = EquationSettings::of(experiment)?;
+        let models = settings.filters.iter().map(|filter| filter.models(&settings.own));
+        let models = models.collect::<Result<_, _>>().map_err(|error| refused(experiment, &error))?;
+        Ok(Self {
+            experiment,
+            settings,
+            models,
+            columns: EquationColumns::of(experiment, index)?,
+            past: Past::default(),
+            searches: None,
+            refused: None,
+            left_ranges: RangeTally::default(),
+            side_outputs: SideOutputs::default(),
+            progress,
+        })
+    }
 }
 
 impl Estimator for EquationEstimator<'_> {
@@ -192,8 +250,14 @@ impl Estimator for EquationEstimator<'_> {
             self.left_ranges = RangeTally::default();
         }
         let samples = segment.samples();
-        let mut sampled =
-            SampledInputs { segment: &segment, samples: &samples, past, progress: self.progress };
+        let foresees = self.side_outputs.prediction.is_some();
+        let mut sampled = SampledInputs {
+            segment: &segment,
+            samples: &samples,
+            past: &mut *past,
+            foresees,
+            progress: self.progress,
+        };
         let mut inputs = sampled.stated(&settings.own, &self.columns)?;
         let rates = rates_of_inputs(device, &inputs, segment.interval_s);
         sampled.add_rates(&mut inputs, (device, &rates), &self.columns)?;
@@ -247,22 +311,33 @@ impl Estimator for EquationEstimator<'_> {
         };
         let axes = [(judged, judged_motion)];
         let start_s = segment.start_s + settings.skip_s;
+        // By the first rows, so that it does not depend on what comes later.
+        let phase_rate = if self.side_outputs.is_asked() {
+            *past.motion_rate.get_or_insert(TAU * motion.frequency_hz)
+        } else {
+            TAU * motion.frequency_hz
+        };
         let mut all = Vec::new();
         for (index, filter) in settings.filters.iter().enumerate() {
             let past = past.filter(index);
+            // Without a stated sign it is as the filter has it.
+            let mirrored = if settings.signs.is_empty() { Some(false) } else { past.is_mirrored() };
+            let side_outputs = self.side_outputs.of_filter(index, (phase_rate, mirrored), start_s);
             let models = self.models.get(index).map_or(&[][..], Vec::as_slice);
             let (own, progress) = (&settings.own, self.progress);
             let (sine, skip_s) = (settings.sine.as_ref(), settings.skip_s);
-            let way = EquationFilterTask { own, sine, skip_s, filter, models, data: &data, progress };
+            let way =
+                EquationFilterTask { own, sine, skip_s, filter, models, side_outputs, data: &data, progress };
             let mut found = way.follow(past)?;
             for (answer, trajectory) in found.iter_mut().enumerate() {
-                trajectory.hidden_signs.clone_from(&settings.own.hidden_signs);
-                let judge = &mut past.answer(answer).judge;
-                trajectory.lock = judge.judge(trajectory, &axes, start_s, data.samples.ends);
+                let past = past.answer(answer);
+                orient(trajectory, (own, &settings.signs), past, peak_after(&data.inputs, start_s));
+                trajectory.lock = past.judge.judge(trajectory, &axes, start_s, data.samples.ends);
             }
             all.append(&mut found);
         }
-        let mut remarks = left_tables(&settings.own, &data, &all);
+        let mut remarks = sign_after_restart(part, !settings.signs.is_empty());
+        remarks.extend(left_tables(&settings.own, &data, &all));
         self.left_ranges.add(&settings.own.ranges, &all);
         if segment.ends {
             remarks.extend(self.left_ranges.remarks(&settings.own.ranges, &all));
@@ -270,7 +345,7 @@ impl Estimator for EquationEstimator<'_> {
         let drive_column = self.columns.inputs.first().copied().unwrap_or_default();
         let axis = AngleAxis { angle: judged, motion: judged_motion, drive: steady };
         let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), all);
-        estimate.remarks = remarks;
+        (estimate.remarks, estimate.sign_is_hidden) = (remarks, settings.own.hides_angle());
         (estimate.crossings, estimate.crossings_refused) = (crossings, refused);
         kept.pass(&segment);
         past.numbers = kept.numbers();
@@ -385,6 +460,8 @@ pub struct EquationFilterTask<'a> {
     pub filter: &'a EquationFilterSettings,
     /// Its models: one, but for a bank.
     pub models: &'a [EquationModel],
+    /// What it gives besides its states.
+    pub side_outputs: FilterSideOutputs,
     /// The samples.
     pub data: &'a EquationSegment<'a>,
     /// Who follows the work.
@@ -423,9 +500,10 @@ impl EquationFilterTask<'_> {
             from_signal.or_else(|| self.filter.stated()).unwrap_or_default()
         };
         let used = (&*channels, &*self.filter.events);
-        let course_of = |(index, model)| {
+        let course_of = |(index, model), phases| {
             let course = EquationCourse::new(model, (self.data, &self.own.between), used, steps)
                 .answering(&self.own.device)
+                .telling_phases(self.side_outputs.phase_rate(), phases)
                 .taking_samples_for(self.filter.signal_variance)
                 .taking_signal(self.filter.variant);
             // The model alone is corrected by nothing, wherever it starts.
@@ -435,7 +513,7 @@ impl EquationFilterTask<'_> {
         };
         if basics.method == Method::Bank {
             let courses = self.models.iter().enumerate();
-            let courses = courses.map(|model| -> Box<dyn Course + '_> { Box::new(course_of(model)) });
+            let courses = courses.map(|model| -> Box<dyn Course + '_> { Box::new(course_of(model, None)) });
             let way = (courses.collect(), &self.data.samples);
             return answers_of_bank((basics, past), |index| Ok(known(index)), way, &states, self.progress);
         }
@@ -446,12 +524,16 @@ impl EquationFilterTask<'_> {
             past.numbers.extend(self.data.time_s.first().filter(|_| is_one_swing));
         }
         let operating = past.numbers.clone();
-        let mut course = course_of((0, model));
+        let predictor = self.side_outputs.predictor(basics, self.data.samples.interval_s, past)?;
+        let (from_s, interval_s) = (self.side_outputs.from_s, self.data.samples.interval_s);
+        let phases = predictor.map(|predictor| PhaseCourse::new(predictor, from_s, interval_s));
+        let mut course = course_of((0, model), phases);
         let way = (&mut course as _, &self.data.samples);
         // A start from the signal has the states of the readout, as what another run left has.
         let begin =
             |left| self.begin((begun(left, start_of(&starts, 0)), known(0), operating), model, &channels);
-        let mut all = follow((basics, past), begin, way, &states, self.progress)?;
+        let mut all = follow((basics, &mut *past), begin, way, &states, self.progress)?;
+        past.predictor = course.into_inner().into_phases().map(PhaseCourse::into_predictor);
         if basics.method == Method::Model {
             all.iter_mut().for_each(Trajectory::mark_model_alone);
         }

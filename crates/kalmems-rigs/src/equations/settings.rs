@@ -2,6 +2,7 @@
 
 use super::angles;
 use super::events::{self, EventSettings, FilterEventUse};
+use super::first_peak::AngleSign;
 use super::interpolation::Interpolation;
 use super::inversion::Inverse;
 use super::model::{EquationModel, RateDensity, StepRule, noises, pace};
@@ -178,6 +179,12 @@ impl OwnDevice {
         self.angle.is_some()
     }
 
+    /// Whether no signal tells the sign of its angle.
+    pub fn hides_angle(&self) -> bool {
+        let hidden = |angle: usize| self.hidden_signs.iter().any(|group| group.contains(&angle));
+        self.angle.is_some_and(hidden)
+    }
+
     /// Whether its states are one angle and its rate.
     pub fn is_one_swing(&self) -> bool {
         self.angle == Some(0) && self.device.states().len() == 2
@@ -217,6 +224,8 @@ pub struct EquationSettings {
     pub own: OwnDevice,
     /// How long the filters have to settle, in s.
     pub skip_s: f64,
+    /// The signs that the file states because no signal tells them.
+    pub signs: Vec<AngleSign>,
     /// The sine that its motion is, where its table says so.
     pub sine: Option<QuantitySine>,
     /// The events whose times are looked for.
@@ -265,19 +274,6 @@ impl EquationSettings {
             let remedy = "add the table `[estimate]` with `skip` and at least one `[[estimate.filter]]`";
             return Err(experiment.error("estimate", ConfigFault::MissingKey { remedy: remedy.to_owned() }));
         };
-        for (name, given) in
-            [("first_peak", estimate.first_peak.is_some()), ("first_peak_y", estimate.first_peak_y.is_some())]
-        {
-            if given {
-                let why = if own.hidden_signs.is_empty() {
-                    "the signal of this device says itself which way it moves; leave it out"
-                } else {
-                    "equations have no key for a sign that the signal does not tell: start the filter on the side that is meant, and leave it out"
-                };
-                let at = Key::from("estimate").child(name);
-                return Err(experiment.error(at, ConfigFault::Value { why: why.to_owned() }));
-            }
-        }
         let events = events::events(experiment, &own)?;
         if own.device.has_resets() && !events.is_empty() {
             let why = "the time of an event is followed back along the motion, which states that are set at once (`when`) interrupt; leave \
@@ -286,13 +282,14 @@ impl EquationSettings {
             return Err(experiment.error("estimate.events", ConfigFault::Value { why }));
         }
         let (table, _) = EquationsTable::of(experiment)?;
+        let signs = AngleSign::stated(experiment, estimate, (&own, &table))?;
         let sine = QuantitySine::of(&own, &table).map_err(|(key, why)| {
             experiment.error(Key::from("device.equations.sine").child(key), ConfigFault::Value { why })
         })?;
         let of =
             |index| EquationFilterSettings::of(experiment, estimate, (&own, &events, sine.as_ref()), index);
         let filters = (0..estimate.filters.len()).map(of).collect::<Result<_, _>>()?;
-        Ok(Self { skip_s: estimate.skip.si(), sine, events, filters, own })
+        Ok(Self { skip_s: estimate.skip.si(), signs, sine, events, filters, own })
     }
 }
 

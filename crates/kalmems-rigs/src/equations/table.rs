@@ -107,6 +107,9 @@ pub struct EquationsTable {
     /// The event that the keys of a threshold are of, where the table that these equations were made from has such keys.
     #[serde(skip)]
     pub threshold: Option<PassedThreshold>,
+    /// The amplitude in rad of its angle from which a stream tells zero phases, where the table that these equations were made from has one.
+    #[serde(skip)]
+    pub least_amplitude: Option<f64>,
     #[serde(skip)]
     read: OnceLock<Arc<Device>>,
 }

@@ -58,7 +58,6 @@ pub fn expanded(experiment: &Experiment) -> Result<Expansion, ConfigError> {
     all.table("measure", &[("signal", seen)]);
     all.table("noise", &[("signal", "noise_variance")]);
     all.text.push_str(OSCILLATION);
-    all.notes.push(SIGN.to_owned());
     Ok(all)
 }
 
@@ -68,10 +67,13 @@ const OSCILLATION: &str = "
 of = \"angle\"
 harmonic = 2
 drive_cycles = 2
+
+[device.equations.angles]
+angle = \"rate\"
 ";
 
-const SIGN: &str = "The signal is the same for the mirrored motion; `first_peak` is not known to equations, so that the sign is that of the \
-                    start.";
+const SIGN: &str = "The signal is the same for the mirrored motions; without a table `angles` equations know no `first_peak`, so that the signs \
+                    are those of the start.";
 
 /// The tables of a device with two axes that are the same for every experiment.
 const TWO_AXES: &str = r#"

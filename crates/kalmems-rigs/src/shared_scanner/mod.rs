@@ -17,13 +17,13 @@ pub mod regulation;
 mod ring_down;
 mod segment;
 mod settings;
-mod side_outputs;
 mod simulation;
 pub mod two_axes;
 
 use super::{Estimator, NumberForm, OmittedNumber, Rig, StateDensity, Template, TemplateChannel};
 use crate::Expansion;
 use crate::config::{ConfigError, DeviceKind, DeviceUses, DriveSource, Experiment, Method, RecordingRole};
+use crate::equations::sign_after_restart;
 use crate::estimate::driven::{BLOCK, DrivenSegment, InterpolationLag};
 use crate::estimate::{
     AngleAxis, DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SideOutputs,
@@ -34,6 +34,7 @@ use crate::outlook::Outlook;
 use crate::progress::{Progress, Silent};
 use crate::recording::{Finding, RecordingLayout, SampledRecording};
 use crate::shared_scanner::device::SharedScanner;
+use crate::side_outputs::side_outputs;
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 pub use filters::ScannerFilterSettings;
@@ -146,7 +147,10 @@ impl Rig for SharedScannerRig {
     ) -> Result<Box<dyn Estimator + 'a>, EstimateError> {
         let settings = ScannerSettings::of(experiment)?;
         let columns = columns(experiment, index)?;
-        let side_outputs = side_outputs::of(experiment, &settings)?;
+        let filters: Vec<_> = settings.filters.iter().map(|filter| &filter.basics).collect();
+        let hardware = &settings.hardware;
+        let least = LEAST_AMPLITUDE * hardware.scanner.comb.angular_width;
+        let side_outputs = side_outputs(experiment, &filters, (hardware.natural_hz(), Some(least)))?;
         Ok(Box::new(ScannerEstimator { settings, columns, side_outputs, past: Past::default(), progress }))
     }
 
@@ -240,18 +244,9 @@ impl Estimator for ScannerEstimator<'_> {
     }
 }
 
-/// What has to be known of the sign of a motion that was calibrated for the first stretch of a record, in a later one.
-fn sign_after_restart(part: &SegmentPart, calibrated: bool) -> Vec<String> {
-    if !(calibrated && part.begins && part.segment.stretch.number > 1) {
-        return Vec::new();
-    }
-    vec![
-        "the sign of the motion is taken from `estimate.first_peak` anew in this stretch; it was calibrated for the first one, \
-         and behind a gap the motion may have the other sign"
-            .to_owned(),
-    ]
-}
-
+/// The amplitude from which there are zero phases, in widths of the comb: far below any motion that is used, far above what
+/// a filter makes of noise.
+const LEAST_AMPLITUDE: f64 = 0.01;
 /// Cycles of the motion after the settling time in which a turning point tells its sign.
 const STARTING_CYCLES: f64 = 4.0;
 

@@ -6,19 +6,19 @@ use super::plant::{affine, affine_models, affine_with, staged, staged_models, st
 use super::settings::ScannerSettings;
 use crate::config::Method;
 use crate::estimate::driven::{
-    ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, PHASE, Plant, SteadySwing, TurningGain,
+    ByEuler, DrivenCourse, DrivenSegment, HYBRID_STEPS, Plant, SteadySwing, TurningGain,
 };
 use crate::estimate::{
-    AnyFilter, BatchStart, Course, EstimateError, FilterBasics, FilterPast, GainOf, MeanAndCovariance, Past,
-    PhasePrediction, PhasePredictor, Reacquisition, SideOutputs, SignalStart, StartAgain, StartSearch,
-    StartedCourse, StateName, StatePrior, Swing, Trajectory, answers_of_bank, begun, follow, lock_in,
+    AnyFilter, BatchStart, Course, EstimateError, FilterBasics, FilterPast, FilterSideOutputs, GainOf,
+    MeanAndCovariance, Past, Reacquisition, SideOutputs, SignalStart, StartAgain, StartSearch, StartedCourse,
+    StateName, StatePrior, StatedSign, Swing, Trajectory, answers_of_bank, begun, follow, lock_in,
     rows_to_start_again, start_again_from_signal, start_from_signal, with_the_sign_before,
 };
 use crate::progress::Progress;
 use crate::signal::Sine;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{Covariance, Filter, Gaussian};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::ops::Range;
 
 /// Runs the filters of the settings over the new samples of a segment, and gives each trajectory the sign of the motion and
@@ -42,11 +42,9 @@ pub fn estimate(
     let rate = *past.motion_rate.get_or_insert(TAU * first_hz);
     for (index, filter) in settings.filters.iter().enumerate() {
         let past = past.filter(index);
-        let prediction = side_outputs.prediction.filter(|(place, _)| *place == index).map(|(_, which)| which);
         // Without a stated sign it is as the filter has it.
         let mirrored = settings.first_peak_positive.map_or(Some(false), |_| past.is_mirrored());
-        let side_outputs =
-            FilterSideOutputs { rate, phase: side_outputs.phase, prediction, mirrored, from_s: start_s };
+        let side_outputs = side_outputs.of_filter(index, (rate, mirrored), start_s);
         let mut trajectories =
             one(&ScannerFilterTask { settings, filter, data, place, side_outputs, progress }, past)?;
         judge(settings, data, past, &mut trajectories);
@@ -109,8 +107,7 @@ pub fn estimate_with<F: Filter<f64, 2> + Clone + Send + 'static>(
     if let Some((_, found)) = other.into_iter().find(|(is, _)| *is) {
         return Err(EstimateError::NotAngleAndRate { filter: basics.name.clone(), found });
     }
-    let side_outputs =
-        FilterSideOutputs { from_s: data.scored_from(settings.skip_s), ..FilterSideOutputs::default() };
+    let side_outputs = FilterSideOutputs::default();
     let task = ScannerFilterTask { settings, filter, data, place, side_outputs, progress };
     let begin = |left: Option<MeanAndCovariance>| {
         let Gaussian { mean, covariance } = left.map_or_else(|| task.start(), Ok)?.gaussian();
@@ -138,40 +135,15 @@ fn judge(
     let axes = [("angle", data.motion(settings.hardware.natural_hz()))];
     for (answer, trajectory) in trajectories.iter_mut().enumerate() {
         let past = past.answer(answer);
-        if let Some(positive) = settings.first_peak_positive {
-            past.orient(trajectory, 0, positive, data.first_drive_peak(settings.skip_s));
+        if let Some(is_positive) = settings.first_peak_positive {
+            let sign = StatedSign { axis: 0, rate: 1, states: vec![0, 1], is_positive };
+            past.orient(trajectory, &sign, data.first_drive_peak(settings.skip_s));
         } else {
             trajectory.hidden_signs = vec![vec![0, 1]];
-        }
-        if trajectory.mirrored {
-            turn_phase(trajectory);
         }
         let start_s = data.scored_from(settings.skip_s);
         trajectory.lock = past.judge.judge(trajectory, &axes, start_s, data.samples.ends);
     }
-}
-
-/// Turns the phase of a motion that is mirrored: by half a turn.
-fn turn_phase(trajectory: &mut Trajectory) {
-    let phases = trajectory.states.iter_mut().filter(|state| state.name == PHASE);
-    for phase in phases.flat_map(|state| &mut state.mean) {
-        *phase = if *phase > 0.0 { *phase - PI } else { *phase + PI };
-    }
-}
-
-/// What a filter gives besides its states.
-#[derive(Clone, Copy, Default)]
-pub struct FilterSideOutputs {
-    /// The rate of the motion in rad/s.
-    rate: f64,
-    /// Whether amplitude and phase are said.
-    phase: bool,
-    /// Which zero phases are predicted.
-    prediction: Option<PhasePrediction>,
-    /// Whether the motion is mirrored, where that is known.
-    mirrored: Option<bool>,
-    /// From when on they are predicted, in s.
-    from_s: f64,
 }
 
 /// One filter over one segment.
@@ -286,14 +258,15 @@ impl ScannerFilterRun<'_> {
         past: &mut FilterPast,
         begin: impl FnOnce(Option<MeanAndCovariance>) -> Result<AnyFilter, EstimateError>,
     ) -> Result<Vec<Trajectory>, EstimateError> {
-        let FilterSideOutputs { rate, phase, from_s, .. } = self.side_outputs;
+        let outputs = self.side_outputs;
         let course = DrivenCourse::new(plant, self.noise_variance, self.data);
         let course = match self.filter.method {
             Method::HybridEkf => course.and_then(|course| course.in_steps(HYBRID_STEPS)),
             _ => course,
         };
-        let course = course.map_err(|why| self.filter.no_model(why))?.with_phase(phase.then_some(rate));
-        let course = course.predicting_phases(self.phase_predictor(past)?, from_s);
+        let course = course.map_err(|why| self.filter.no_model(why))?.with_phase(outputs.phase_rate());
+        let predictor = outputs.predictor(self.filter, self.data.interval_s, past)?;
+        let course = course.predicting_phases(predictor, outputs.from_s);
         // An observer forgets its start.
         let corrects = self.filter.gain().is_none();
         let course = StartedCourse::new(course, self.start(0).filter(|_| corrects));
@@ -309,22 +282,6 @@ impl ScannerFilterRun<'_> {
             follow((self.filter, past), begin, (&mut course, &self.data.samples), states, self.progress);
         past.predictor = course.into_inner().into_phase_predictor();
         told
-    }
-
-    /// What predicts zero phases on the filter's way, where it is to.
-    fn phase_predictor(&self, past: &mut FilterPast) -> Result<Option<PhasePredictor>, EstimateError> {
-        let FilterSideOutputs { rate, mirrored, prediction: Some(prediction), .. } = self.side_outputs else {
-            return Ok(None);
-        };
-        let mut predictor = if let Some(predictor) = past.predictor.take() {
-            predictor
-        } else {
-            let motion = (self.data.interval_s, rate);
-            PhasePredictor::new(&self.filter.key, prediction, motion, past.last_predicted_s())
-                .map_err(|why| EstimateError::Ahead { filter: self.filter.name.clone(), why })?
-        };
-        predictor.set_mirrored(mirrored);
-        Ok(Some(predictor))
     }
 }
 

@@ -6,10 +6,8 @@ use crate::estimate::{
     by_signal,
 };
 use crate::signal::Sine;
-use crate::units::kind;
 use kalmems_core::augmentation::AugmentationError;
-use kalmems_core::{Covariance, FilterError, Innovation, Mat};
-use kalmems_models::control::MotionPhase;
+use kalmems_core::{FilterError, Innovation};
 
 /// Model, drive and signal of one segment.
 pub struct DrivenCourse<'a, P: Plant> {
@@ -113,12 +111,7 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
     }
 
     fn derived(&self) -> Option<DerivedQuantities> {
-        let names = [("amplitude", "rad", &kind::ANGLE), (PHASE, "rad", &kind::ANGLE)];
-        self.phase_rate.map(|rate| {
-            DerivedQuantities::pair(names, move |mean, covariance| {
-                amplitude_and_phase(rate, mean, covariance)
-            })
-        })
+        self.phase_rate.map(DerivedQuantities::amplitude_and_phase)
     }
 
     fn predict_phases(&mut self, filter: &dyn Filtering, k: usize) {
@@ -199,16 +192,4 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         by_signal(filter, self.data.signal[k], (&self.plant.sensor(), self.noise_variance))
     }
-}
-
-/// The name of the motion's phase among the quantities that follow from the states.
-pub const PHASE: &str = "phase";
-
-/// Amplitude and phase at this rate, each with its standard deviation: of the first two states, an angle and its rate.
-fn amplitude_and_phase(rate: f64, mean: &[f64], covariance: &dyn Fn(usize, usize) -> f64) -> [(f64, f64); 2] {
-    let of_motion: [f64; 2] = std::array::from_fn(|i| mean.get(i).copied().unwrap_or(f64::NAN));
-    let covariance = Covariance::from_lower(Mat::from_fn(covariance));
-    let MotionPhase { amplitude, amplitude_sd, phase, phase_sd } =
-        MotionPhase::of(&of_motion, &covariance, rate);
-    [(amplitude, amplitude_sd), (phase, phase_sd)]
 }

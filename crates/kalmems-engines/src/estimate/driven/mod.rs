@@ -8,7 +8,7 @@ mod plant;
 mod segment;
 mod turning_gain;
 
-pub use course::{DrivenCourse, HYBRID_STEPS, PHASE};
+pub use course::{DrivenCourse, HYBRID_STEPS};
 pub use drive::{BLOCK, DrivePast, InterpolationLag, SegmentDrive};
 pub use models::{ParameterPlaces, combinations, shifted, side_by_side};
 pub use parameters::{OfMotion, ParameterAugmentedStep, ParameterStep, ParametricReadout};

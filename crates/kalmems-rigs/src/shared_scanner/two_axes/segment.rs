@@ -8,12 +8,12 @@ use super::tones::{DriveTones, TwoSines};
 use crate::config::Method;
 use crate::estimate::driven::{ByEuler, DrivenCourse, DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
-    AnyFilter, BatchStart, Course, EstimateError, FilterPast, GainOf, MeanAndCovariance, Past, SignalStart,
-    StartSearch, StatePrior, Swing, Trajectory, lock_in, rows_to_start_again, start_again_from_signal,
-    start_from_signal, with_the_sign_before,
+    AnyFilter, BatchStart, Course, EstimateError, FilterPast, FilterSideOutputs, GainOf, MeanAndCovariance,
+    Past, SignalStart, StartSearch, StatePrior, StatedSign, Swing, Trajectory, lock_in, rows_to_start_again,
+    start_again_from_signal, start_from_signal, with_the_sign_before,
 };
 use crate::progress::Progress;
-use crate::shared_scanner::segment::{FilterSideOutputs, ScannerFilterRun, SearchAgain};
+use crate::shared_scanner::segment::{ScannerFilterRun, SearchAgain};
 use kalmems_core::Covariance;
 use kalmems_core::augmentation::AugmentationError;
 use std::f64::consts::TAU;
@@ -61,10 +61,12 @@ pub fn estimate(
         for (answer, trajectory) in found.iter_mut().enumerate() {
             let past = past.answer(answer);
             for (axis, positive) in settings.first_peak_positive.iter().enumerate() {
-                if let Some(positive) = *positive {
-                    past.orient(trajectory, 2 * axis, positive, drive.tones[axis].peak_after(start_s));
+                let (rate, states) = (2 * axis + 1, vec![2 * axis, 2 * axis + 1]);
+                if let Some(is_positive) = *positive {
+                    let sign = StatedSign { axis, rate, states, is_positive };
+                    past.orient(trajectory, &sign, drive.tones[axis].peak_after(start_s));
                 } else {
-                    trajectory.hidden_signs.push(vec![2 * axis, 2 * axis + 1]);
+                    trajectory.hidden_signs.push(states);
                 }
             }
             trajectory.lock = past.judge.judge(trajectory, &motions, start_s, data.samples.ends);

@@ -5,6 +5,7 @@ use crate::parts::{
     Killing, Pieces, Streamed, acknowledged_in, goes_on_after_a_kill, killed, same_bits_in_a_stream, streamed,
 };
 use kalmems::config::Experiment;
+use kalmems::expand::expand;
 use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
 use kalmems::stream::StreamSummary;
@@ -366,6 +367,44 @@ fn zero_phases_are_told_before_they_happen_each_once() {
             assert_eq!(*whole.get_or_insert(told.clone()), told);
         }
     }
+}
+
+#[test]
+fn a_stream_of_equations_tells_what_that_of_a_published_device_tells() {
+    let bytes = std::fs::read(example("recording.csv")).unwrap();
+    let published_device = experiment(&[("every = 10", "every = 1")]);
+    let text = expand(published(), &published_device).unwrap().text;
+    let equations = published().parse(&text, &example("stream.toml")).unwrap_or_else(|e| panic!("{e}"));
+    assert!(equations.stream.as_ref().is_some_and(|stream| stream.phase && stream.trigger.is_some()));
+    let run = |experiment: &Experiment| {
+        let Streamed { answers, events, ended, .. } =
+            streamed(experiment, Pieces::of(bytes.clone(), 5000), None);
+        (answers, ahead(&events), ended.unwrap_or_else(|e| panic!("{e}")).ahead.unwrap().counts)
+    };
+    let (own, told, counts) = run(&published_device);
+    let (answers, told_too, counts_too) = run(&equations);
+    assert_eq!(counts, counts_too);
+    assert!(told.len() > 499 && told.len() == told_too.len());
+    for (told, too) in told.iter().zip(&told_too) {
+        assert!((told.time_s - too.time_s).abs() < 1e-3 * told.sd_s && told.rising == too.rising);
+        assert!((told.sd_s / too.sd_s - 1.0).abs() < 1e-3 && told.told_s == too.told_s);
+    }
+    for ((key, own), (other, equations)) in own.iter().zip(&answers) {
+        assert!(key == other && own.len() == equations.len() && own.len() > 23_000);
+        // Each mean in its standard deviations, behind the settling time.
+        for (own, equations) in own.iter().zip(equations).filter(|(own, _)| own[0] > 8e-3) {
+            assert_eq!(own.len(), 11);
+            let off = |place: usize| (own[place] - equations[place]) / own[place + 1];
+            assert!((1..11).step_by(2).all(|place| off(place).abs() < 1e-3), "{own:?} {equations:?}");
+        }
+    }
+    // Without the angle's table nothing says what amplitude and phase are of.
+    let without = text
+        .replace("[device.equations.angles]\nangle = \"rate\"\n", "")
+        .replace("first_peak = \"positive\"\n", "");
+    let without = published().parse(&without, &example("stream.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let refused = streamed(&without, Pieces::of(Vec::new(), 10), None).ended.unwrap_err().to_string();
+    assert!(refused.contains("stream.trigger") && refused.contains("[device.equations.angles]"), "{refused}");
 }
 
 #[test]
