@@ -46,6 +46,7 @@ mod parquet;
 pub mod results;
 #[cfg(feature = "report")]
 mod rows;
+mod sealed_line;
 pub mod source;
 mod stated_start;
 pub mod stream;
