@@ -27,7 +27,9 @@ mod threshold_scanner;
 pub use shared_scanner::misprinted_ukf::{Misprint, MisprintedUkf};
 pub use shared_scanner::printed_lines::{PrintedLine, printed_lines};
 
-use kalmems_engines::{circuit, config, estimate, evaluate, fit, identify, progress, signal, simulate};
+use kalmems_engines::{
+    circuit, config, estimate, evaluate, fit, identify, progress, recording, signal, simulate,
+};
 
 use program::PaperProgram;
 

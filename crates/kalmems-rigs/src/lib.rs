@@ -34,7 +34,7 @@ pub fn published() -> &'static Workbench {
     static PUBLISHED: OnceLock<Workbench> = OnceLock::new();
     PUBLISHED.get_or_init(|| {
         Workbench::new()
-            .with(shared_scanner::SharedScannerRig)
+            .with(equations::PresetRig::<shared_scanner::device::SharedScanner>::new())
             .with(shared_scanner::two_axes::TwoAxesRig)
             .with(equations::PresetRig::<threshold_scanner::device::ThresholdScanner>::new())
             .with(micro_stage::MicroStageRig)

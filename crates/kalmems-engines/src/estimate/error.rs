@@ -133,13 +133,15 @@ pub enum EstimateError {
     },
     /// A filter of the caller's own, of two states, is to follow the table of a filter that has others or no process.
     #[error(
-        "the filter `{filter}` has {found}; a filter of one's own needs a table with angle and rate alone, and a process"
+        "the filter `{filter}` has {found}; a filter of one's own with {expected} states needs a table of one filter with as many, and a process"
     )]
-    NotAngleAndRate {
+    OtherStates {
         /// The filter.
         filter: String,
         /// What its table asks for.
-        found: &'static str,
+        found: String,
+        /// How many states the own one has.
+        expected: usize,
     },
     /// A gain that does not change cannot be computed for this device.
     #[error("the filter `{filter}` has no gain: {why}; change its noise or its bandwidth, or use `ekf`")]

@@ -202,16 +202,7 @@ pub trait Rig: Send + Sync {
         recording: &SampledRecording,
         progress: &dyn Progress,
     ) -> Result<(Vec<SegmentEstimate>, StretchSummary), EstimateError> {
-        let mut estimator = self.considering(experiment, index, progress)?;
-        let wanted = recording.segments().iter().filter(|segment| estimator.wants(&segment.label));
-        let wanted: Vec<&Segment> = wanted.collect();
-        let (mut judge, mut estimates) = (StretchJudge::default(), Vec::new());
-        for segment in wanted {
-            let head = segment.time.interval_s().map_or(0, |interval_s| estimator.around(interval_s).head);
-            let take = &mut |part: &SegmentPart| estimator.take(part);
-            estimates.extend(of_whole_segment(&mut judge, (recording, segment), head, take)?);
-        }
-        Ok((estimates, judge.finish()?))
+        estimate_by(&mut *self.considering(experiment, index, progress)?, recording)
     }
 
     /// For each angle of [`angles`](Self::angles), the time in s, on the recording's clock, from which on the first turning point in
@@ -337,4 +328,23 @@ pub trait Estimator {
         let _ = (place, diagnosis);
         Ok(())
     }
+}
+
+/// What an estimator says of each segment of a recording that is held in memory, and what became of the stretches of records that were cut.
+///
+/// # Errors
+/// Those of an estimate.
+pub fn estimate_by(
+    estimator: &mut (dyn Estimator + '_),
+    recording: &SampledRecording,
+) -> Result<(Vec<SegmentEstimate>, StretchSummary), EstimateError> {
+    let wanted = recording.segments().iter().filter(|segment| estimator.wants(&segment.label));
+    let wanted: Vec<&Segment> = wanted.collect();
+    let (mut judge, mut estimates) = (StretchJudge::default(), Vec::new());
+    for segment in wanted {
+        let head = segment.time.interval_s().map_or(0, |interval_s| estimator.around(interval_s).head);
+        let take = &mut |part: &SegmentPart| estimator.take(part);
+        estimates.extend(of_whole_segment(&mut judge, (recording, segment), head, take)?);
+    }
+    Ok((estimates, judge.finish()?))
 }

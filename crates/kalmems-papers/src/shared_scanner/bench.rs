@@ -2,20 +2,20 @@
 
 use super::failed;
 use super::misprinted_ukf::{Misprint, MisprintedUkf};
-use crate::config::Method;
-use crate::estimate::driven::DrivenSegment;
-use crate::estimate::{EstimateError, FilterPast, Past, SideOutputs, Trajectory};
+use crate::config::{ConfigError, Experiment};
+use crate::estimate::driven::SegmentDrive;
+use crate::estimate::{EstimateError, SegmentEstimate, Trajectory};
 use crate::evaluate::{Accuracy, ComparisonExtent, MotionErrors, ReferenceMotion, evaluate_motion};
 use crate::program::ReproduceError;
 use crate::progress::{Interruption, Progress};
+use crate::recording::RecordingFromRows;
 use crate::signal::extremes_of_rate;
 use crate::simulate::{Drive, Simulator, WhiteNoise};
 use kalmems_core::Measurement;
 use kalmems_models::dynamics::ParametricScanner;
+use kalmems_rigs::equations::estimate_with;
 use kalmems_rigs::published;
-use kalmems_rigs::shared_scanner::{
-    ScannerFilterSettings, ScannerHardware, ScannerSettings, estimate_segment, estimate_segment_with,
-};
+use kalmems_rigs::shared_scanner::ScannerHardware;
 use std::path::Path;
 
 /// Samples per second of every recording here.
@@ -30,7 +30,11 @@ pub const DRIVE_V: f64 = 90.0;
 /// The published device with the filters that are compared.
 pub struct ScannerBench {
     hardware: ScannerHardware,
-    settings: ScannerSettings,
+    skip_s: f64,
+    /// The experiment, as its file has it.
+    file: toml::Table,
+    /// The keys of its filters, in its order.
+    filters: Vec<String>,
 }
 
 /// How what the estimators are told differs from the device.
@@ -73,12 +77,16 @@ pub struct EstimatorResult {
 impl ScannerBench {
     /// Reads the experiment that stands beside this file.
     pub fn new() -> Result<Self, ReproduceError> {
-        let wrong = |e: crate::config::ConfigError| failed("the published device")(e.into());
-        let path = Path::new("shared_scanner/device.toml");
-        let experiment = published().parse(include_str!("device.toml"), path).map_err(wrong)?;
+        let wrong = |e: ConfigError| failed("the published device")(e.into());
+        let (text, path) = (include_str!("device.toml"), Path::new("shared_scanner/device.toml"));
+        let experiment = published().parse(text, path).map_err(wrong)?;
+        let filters = experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
         Ok(Self {
             hardware: ScannerHardware::of(&experiment).map_err(wrong)?,
-            settings: ScannerSettings::of(&experiment).map_err(wrong)?,
+            skip_s: experiment.estimate.as_ref().map_or(f64::NAN, |estimate| estimate.skip.si()),
+            filters: filters.map(|filter| filter.name.key()).collect(),
+            // What has been parsed as an experiment is a table.
+            file: text.parse().unwrap_or_default(),
         })
     }
 
@@ -94,7 +102,7 @@ impl ScannerBench {
 
     /// How long the estimators have to settle, in s.
     pub fn skip_s(&self) -> f64 {
-        self.settings.skip_s
+        self.skip_s
     }
 
     /// The steady motions at these frequencies of the drive, each reached from the one before.
@@ -160,18 +168,16 @@ impl ScannerBench {
     ) -> Option<Vec<EstimatorResult>> {
         let signal = self.signal(motion, (seed, stream));
         let volts: Vec<f64> = motion.volts.iter().map(|volts| belief.drive * volts).collect();
-        let interval_s = 1.0 / SAMPLING_HZ;
-        let data = DrivenSegment::new(&motion.time_s, &volts, &signal, interval_s);
-        let settings = self.told(belief, motion, &data);
-        let extent = ComparisonExtent {
-            from_s: settings.skip_s,
-            motion_hz: 0.5 * motion.drive_hz,
-            drive: data.drive.sine(),
-        };
         let mut judged = Vec::new();
-        for filter in &settings.filters {
-            let trajectories = follow(&settings, filter, &data, progress).ok()?;
-            judged.extend(trajectories.into_iter().map(|trajectory| {
+        for place in 0..self.filters.len() {
+            let experiment = self.told(belief, motion, (place, &volts)).ok()?;
+            let estimate = self.follow(&experiment, (place, motion), (&volts, &signal), progress).ok()?;
+            let extent = ComparisonExtent {
+                from_s: self.skip_s,
+                motion_hz: 0.5 * motion.drive_hz,
+                drive: estimate.drive.as_ref(),
+            };
+            judged.extend(estimate.trajectories.into_iter().map(|trajectory| {
                 let errors = evaluate_motion(&trajectory, &motion.truth, extent, &Interruption::never());
                 EstimatorResult { trajectory, errors }
             }));
@@ -179,50 +185,93 @@ impl ScannerBench {
         Some(judged)
     }
 
-    /// The settings with what the estimators believe, and the sign of this motion, which no signal shows.
+    /// The experiment with one filter, with what the estimators believe, and the sign of this motion, which no signal shows.
     fn told(
         &self,
         belief: &ScannerMismatch,
         motion: &SampledSteadyMotion,
-        data: &DrivenSegment,
-    ) -> ScannerSettings {
-        let mut settings = self.settings.clone();
-        settings.hardware.scanner.resonator.stiffness *= belief.stiffness;
-        settings.hardware.scanner.resonator.damping *= belief.damping;
-        // The model alone has nothing to find the motion with: it starts from it.
-        let rate = motion.truth.rate.as_ref().and_then(|rate| rate.first());
-        let first = [motion.truth.angle.first(), rate].map(|first| first.copied().unwrap_or(f64::NAN));
-        for filter in &mut settings.filters {
-            filter.acceleration_density = belief.density;
-            if filter.basics.method == Method::Model {
-                filter.start = Some(first);
+        (place, volts): (usize, &[f64]),
+    ) -> Result<Experiment, ConfigError> {
+        let mut file = self.file.clone();
+        let resonator = &self.hardware.scanner.resonator;
+        let (stiffness, damping) =
+            (resonator.stiffness * belief.stiffness, resonator.damping * belief.damping);
+        let set = |file: &mut toml::Table, [first, way @ ..]: [&str; 4], text: String| {
+            let table = way[..2].iter().fold(file.get_mut(first), |table, key| table?.get_mut(key));
+            if let Some(table) = table.and_then(toml::Value::as_table_mut) {
+                table.insert(way[2].to_owned(), text.into());
+            }
+        };
+        set(&mut file, ["device", "shared_scanner", "resonator", "stiffness"], format!("{stiffness:?} N m"));
+        set(&mut file, ["device", "shared_scanner", "resonator", "damping"], format!("{damping:?} N m s"));
+        if let Some(estimate) = file.get_mut("estimate").and_then(toml::Value::as_table_mut) {
+            let density = toml::Value::from(format!("{:?} rad^2/s^3", belief.density));
+            estimate.insert(
+                "process_noise".to_owned(),
+                toml::Table::from_iter([("angular_acceleration".to_owned(), density)]).into(),
+            );
+            let peak = self.first_peak(motion, volts);
+            estimate.insert("first_peak".to_owned(), if peak { "positive" } else { "negative" }.into());
+            let filters = estimate.get_mut("filter").and_then(toml::Value::as_array_mut);
+            if let Some(filters) = filters {
+                let kept = filters.get(place).cloned();
+                *filters = kept.into_iter().collect();
+                // The model alone has nothing to find the motion with: it starts from it.
+                let alone = filters.iter_mut().filter_map(toml::Value::as_table_mut);
+                for filter in
+                    alone.filter(|filter| filter.get("method").and_then(toml::Value::as_str) == Some("model"))
+                {
+                    let first = |of: Option<&f64>| of.copied().unwrap_or(f64::NAN);
+                    let rate = motion.truth.rate.as_ref().and_then(|rate| rate.first());
+                    let start = [
+                        ("angle", format!("{:?} rad", first(motion.truth.angle.first()))),
+                        ("rate", format!("{:?} rad/s", first(rate))),
+                    ];
+                    let start = start.map(|(name, text)| (name.to_owned(), toml::Value::from(text)));
+                    filter.insert("start".to_owned(), toml::Table::from_iter(start).into());
+                }
             }
         }
-        let peak = data.first_drive_peak(settings.skip_s);
+        let text = toml::to_string(&file).unwrap_or_default();
+        published().parse(&text, Path::new("shared_scanner/device.toml"))
+    }
+
+    /// Whether the first turning point of the true motion behind the first peak of the drive after the settling time is a maximum.
+    fn first_peak(&self, motion: &SampledSteadyMotion, volts: &[f64]) -> bool {
+        let drive = SegmentDrive::new(&motion.time_s, volts, 1.0 / SAMPLING_HZ);
+        let peak = drive.first_sine().map_or(self.skip_s, |sine| sine.peak_after(self.skip_s));
         let from = motion.time_s.partition_point(|t| *t < peak);
         let rate = motion.truth.rate.as_deref().unwrap_or_default();
-        let first = extremes_of_rate(&motion.time_s[from..], rate.get(from..).unwrap_or_default());
-        settings.first_peak_positive = first.first().map(|extreme| extreme.maximum);
-        settings
+        let extremes = extremes_of_rate(&motion.time_s[from..], rate.get(from..).unwrap_or_default());
+        extremes.first().is_some_and(|extreme| extreme.maximum)
     }
-}
 
-/// What one filter makes of a recording: one of the rig's, or one with a misprint in the place of the UKF.
-fn follow(
-    settings: &ScannerSettings,
-    filter: &ScannerFilterSettings,
-    data: &DrivenSegment,
-    progress: &dyn Progress,
-) -> Result<Vec<Trajectory>, EstimateError> {
-    let place = "the simulated recording";
-    if let Some(misprint) = misprint_of(&filter.basics.key) {
-        let points = filter.basics.points;
-        let own = |mean, covariance| MisprintedUkf::new(mean, covariance, points, misprint);
-        let past = &mut FilterPast::default();
-        return estimate_segment_with(settings, filter, data, past, place, progress, own);
+    /// What the experiment's one filter makes of a recording: it, or one with a misprint in the place of the UKF.
+    fn follow(
+        &self,
+        experiment: &Experiment,
+        (place, motion): (usize, &SampledSteadyMotion),
+        (volts, signal): (&[f64], &[f64]),
+        progress: &dyn Progress,
+    ) -> Result<SegmentEstimate, EstimateError> {
+        let rig = published().rig(experiment)?;
+        let header = ["time_s", "drive_V", "cap_V"];
+        let mut rows = RecordingFromRows::new("recording.csv", &header, &rig.layout(experiment, 0)?)?;
+        for ((time_s, volts), signal) in motion.time_s.iter().zip(volts).zip(signal) {
+            rows.push(&[*time_s, *volts, *signal]);
+        }
+        let recording = rows.finish()?;
+        let found = match misprint_of(&self.filters[place]) {
+            None => rig.estimate(experiment, 0, &recording, progress)?,
+            Some(misprint) => {
+                let make = move |mean: [f64; 2], covariance, points| {
+                    MisprintedUkf::new(mean, covariance, points, misprint)
+                };
+                estimate_with(experiment, 0, &recording, make, progress)?
+            }
+        };
+        found.into_iter().next().ok_or(EstimateError::Interrupted)
     }
-    let alone = ScannerSettings { filters: vec![filter.clone()], ..settings.clone() };
-    estimate_segment(&alone, &SideOutputs::default(), data, &mut Past::default(), place, progress)
 }
 
 /// Which misprint the filter of this key in `device.toml` has, if it has one.
@@ -243,8 +292,7 @@ mod tests {
     #[test]
     fn each_misprint_has_its_filter() {
         let bench = ScannerBench::new().unwrap();
-        let found: Vec<Misprint> =
-            bench.settings.filters.iter().filter_map(|filter| misprint_of(&filter.basics.key)).collect();
+        let found: Vec<Misprint> = bench.filters.iter().filter_map(|key| misprint_of(key)).collect();
         assert_eq!(found, [Misprint::Weights, Misprint::CrossCovariance, Misprint::Covariance]);
     }
 }

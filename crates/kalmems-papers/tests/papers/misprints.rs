@@ -2,14 +2,12 @@
 //! of the circuit compare with the right ones.
 
 use kalmems::circuit::{AmplitudeDetector, Circuit, Excitation, HighPass, SineMotion};
-use kalmems::estimate::driven::DrivenSegment;
-use kalmems::estimate::{EstimateError, FilterPast, Past, SegmentPart, SignalSegment, Trajectory};
+use kalmems::estimate::{EstimateError, Trajectory};
 use kalmems::evaluate::evaluate_angles;
 use kalmems::progress::{Interruption, Silent};
 use kalmems::results::{EstimatorMetrics, Metrics, Verdict};
+use kalmems::rigs::equations::estimate_with;
 use kalmems::rigs::published;
-use kalmems::rigs::shared_scanner::{ScannerSettings, estimate_segment_with};
-use kalmems::units::kind;
 use kalmems::workflow::{self, Outcome};
 use kalmems_core::{Covariance, Filter, SigmaPoints, Ukf};
 use kalmems_models::capacitance::GaussianComb;
@@ -33,22 +31,18 @@ fn outcome(filter: &str) -> Outcome {
 /// What a filter of our own gives in the place of the one of the experiment.
 fn with_own<F: Filter<f64, 2> + Clone + Send + 'static>(
     outcome: &Outcome,
-    own: impl FnOnce([f64; 2], Covariance<f64, 2>, SigmaPoints<f64>) -> F,
+    own: impl FnOnce([f64; 2], Covariance<f64, 2>, SigmaPoints<f64>) -> F + 'static,
 ) -> Result<Vec<Trajectory>, EstimateError> {
-    let settings = ScannerSettings::of(&outcome.experiment)?;
     let recording = &outcome.recordings[0].recording;
-    let (part, mut past) = (SegmentPart::whole(recording, &recording.segments()[0]), Past::default());
-    let samples = SignalSegment::of(&part, ("cap_V", &kind::VOLTAGE), settings.skip_s, &mut past)?;
-    let data = DrivenSegment::of(&samples, "drive_V", &mut past, &Silent)?;
-    let (filter, past) = (&settings.filters[0], &mut FilterPast::default());
-    let make = |mean, covariance| own(mean, covariance, filter.basics.points);
-    estimate_segment_with(&settings, filter, &data, past, &samples.place, &Silent, make)
+    let found = estimate_with(&outcome.experiment, 0, recording, own, &Silent)?;
+    Ok(found.into_iter().next().unwrap().trajectories)
 }
 
 /// The figures of the filter with a misprint, evaluated as the rig evaluates its own.
 fn printed(outcome: &Outcome, misprint: Misprint) -> EstimatorMetrics {
-    let trajectories =
-        with_own(outcome, |mean, covariance, points| MisprintedUkf::new(mean, covariance, points, misprint));
+    let trajectories = with_own(outcome, move |mean, covariance, points| {
+        MisprintedUkf::new(mean, covariance, points, misprint)
+    });
     let mut outcome = outcome.clone();
     let recording = &mut outcome.recordings[0];
     let segment = &mut recording.segments[0];
@@ -99,7 +93,7 @@ fn a_filter_of_ones_own_is_followed_as_those_of_the_rig() {
 #[test]
 fn a_table_with_other_states_is_refused_for_a_filter_of_ones_own() {
     for (filter, found) in [
-        (format!("{UKF}states = {{ stiffness = {{ start_sd = \"1 %\" }} }}\n"), "parameters as states"),
+        (format!("{UKF}states = {{ stiffness = {{ start_sd = \"1 %\" }} }}\n"), "has 3 states"),
         (
             "name = \"alone\"\nmethod = \"model\"\nstart = { angle = \"0.05 rad\", rate = \"0 rad/s\" }\n"
                 .to_owned(),

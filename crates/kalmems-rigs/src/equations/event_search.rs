@@ -32,7 +32,12 @@ impl EquationSettings {
     /// The rows that events need around the new ones in a recording of this interval in s.
     pub fn needed(&self, interval_s: f64) -> RowsNeeded {
         let of = |(place, event): (usize, &EventSettings)| self.needed_by(place, event, interval_s);
-        self.events.iter().enumerate().map(of).fold(RowsNeeded::of_rows(0), RowsNeeded::and)
+        self.events
+            .iter()
+            .enumerate()
+            .map(of)
+            .reduce(RowsNeeded::and)
+            .unwrap_or(RowsNeeded { before: 0, after: 0 })
     }
 
     fn needed_by(&self, place: usize, event: &EventSettings, interval_s: f64) -> RowsNeeded {

@@ -5,6 +5,7 @@ use super::event_times::{EventTimes, FoundEvents};
 use super::events::{EventSettings, EventTimeSource, FilterEventUse};
 use super::interpolation::Interpolation;
 use super::model::{EquationModel, Interval, noises};
+use super::own_filter::OwnFilter;
 use super::segment::{EquationFilterTask, at_rest, motion, rates_of_inputs};
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::table::refused;
@@ -61,7 +62,8 @@ fn watch(taking: &GateMode, interval_s: f64, every: u32) -> EmitWatch {
 pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Exported, ExportError> {
     let place = place_of_filter(experiment, request)?;
     let settings = EquationSettings::of(experiment)?;
-    let (own, filter) = (&settings.own, &settings.filters[place]);
+    let filter = &settings.filters[place];
+    let own = &filter.own;
     let refuse =
         |why: &str| Err(ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_owned() });
     if filter.variant != Variant::Full {
@@ -92,12 +94,17 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
     }
     let (recording, interval_s) = recorded(experiment, request)?;
     let wrong = |error| ExportError::from(refused(experiment, &error));
-    let model = filter.models(own).map_err(wrong)?;
+    let model = filter.models().map_err(wrong)?;
     let Some(model) = model.first() else { return refuse("it has no model") };
     let parts = filter.basics.steps.filter(|_| method == StepMethod::RungeKutta).unwrap_or(1);
     let each_s = interval_s / parts as f64;
     let over = Interval::of(each_s);
     let mut heading = heading(experiment, request, &filter.basics.name, interval_s);
+    if !settings.signs.is_empty() {
+        heading.push(
+            "The signal is the same for the mirrored motion, and the source mirrors nothing: its sign is that of the start.".to_owned(),
+        );
+    }
     let name = c_name(&experiment.name.to_string());
     let states = own.device.states().len();
     let Some(known) = filter.stated() else {
@@ -416,7 +423,7 @@ fn test_samples(
     measures: &[EmitMeasure],
     (at_least, at_most): (usize, usize),
 ) -> Result<Vec<TestSample>, ExportError> {
-    let own = &settings.own;
+    let own = &*filter.own;
     let file = || recording.source().file.clone();
     let columns = EquationColumns::of(experiment, 0)?;
     let EquationColumns { inputs, measured: channels, .. } = &columns;
@@ -496,7 +503,7 @@ fn test_samples(
         samples: SampleSelection::whole(count + 1, interval_s),
         motion,
     };
-    let models = filter.models(own).map_err(|error| ExportError::from(refused(experiment, &error)))?;
+    let models = filter.models().map_err(|error| ExportError::from(refused(experiment, &error)))?;
     let (sine, skip_s) = (settings.sine.as_ref(), settings.skip_s);
     let way = EquationFilterTask {
         own,
@@ -505,6 +512,7 @@ fn test_samples(
         filter,
         models: &models,
         side_outputs: FilterSideOutputs::default(),
+        own_filter: &OwnFilter::default(),
         data: &data,
         progress: &Silent,
     };

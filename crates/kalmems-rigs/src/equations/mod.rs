@@ -21,6 +21,7 @@ mod number;
 mod ordered;
 mod oscillation;
 mod outlook;
+mod own_filter;
 mod phase_lock;
 mod phases;
 mod preset;
@@ -41,8 +42,9 @@ mod visibility;
 mod waveform;
 
 pub use first_peak::sign_after_restart;
+pub use own_filter::estimate_with;
 pub use preset::{OwnExport, Preset, PresetRig, meant};
-pub use table::EquationsTable;
+pub use table::{Demodulator, EquationsTable};
 pub use threshold::PassedThreshold;
 
 use crate::config::{
@@ -172,6 +174,16 @@ const TEMPLATE: Template = Template {
     references: &[],
 };
 
+/// The recordings that are estimated, by their roles.
+const ESTIMATED: [RecordingRole; 3] =
+    [RecordingRole::Test, RecordingRole::SteadyState, RecordingRole::RingDown];
+
+/// The recordings with these roles, their filters and channels checked.
+fn wanted(experiment: &Experiment, roles: &[RecordingRole]) -> Result<Vec<usize>, ConfigError> {
+    EquationSettings::of(experiment)?;
+    experiment.to_estimate(roles, |index| EquationColumns::of(experiment, index))
+}
+
 impl Rig for EquationsRig {
     fn name(&self) -> &'static str {
         "equations"
@@ -233,9 +245,7 @@ impl Rig for EquationsRig {
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-        EquationSettings::of(experiment)?;
-        let roles = [RecordingRole::Test, RecordingRole::SteadyState, RecordingRole::RingDown];
-        experiment.to_estimate(&roles, |index| EquationColumns::of(experiment, index))
+        wanted(experiment, &ESTIMATED)
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {

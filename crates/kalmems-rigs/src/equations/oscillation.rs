@@ -56,6 +56,8 @@ const LEVELS: usize = 30;
 const NEAR: f64 = 1e-12;
 /// The size of a line, relative to that of the signal, at which the search for its amplitude begins.
 const SMALL: f64 = 1e-2;
+/// Cycles from which a gain that turns with the swing takes that.
+const FIRST_CYCLES: f64 = 4.0;
 /// Doublings from the smallest amplitude in SI that is tried, and that amplitude.
 const DOUBLINGS: usize = 130;
 const SMALLEST: f64 = 1e-24;
@@ -391,6 +393,20 @@ impl EquationFilterTask<'_> {
         let Some(mut part) = InputPart::of(self.own, channel.measure) else { return channel.signal.into() };
         let of = (self.data.time_s, &*self.data.inputs, &*self.data.bends);
         part.taken_off(self.own, of, (channel.signal, self.data.samples.interval_s)).into()
+    }
+
+    /// The oscillation that the first cycles of its signal show, of a device whose table says what a line means; its sign is that which lies nearer to
+    /// another one.
+    pub fn first_swing(&self, before: &Swing) -> Option<Swing> {
+        let (data, motion_hz) = (self.data, self.data.motion.frequency_hz);
+        let of = self.filter.oscillations.first().filter(|_| data.motion.is_driven)?;
+        let channel = data.channels.get(*self.channels().first()?).filter(|own| own.measure == of.measure)?;
+        let end_s = data.time_s.first()? + FIRST_CYCLES / motion_hz;
+        let end = data.time_s.partition_point(|time_s| *time_s < end_s);
+        let signal = self.without_inputs(channel);
+        let rows = (data.time_s.get(..end)?, signal.get(..end)?);
+        let (swing, _) = of.swing(&mut of.work(&self.own.values), rows, motion_hz, None)?;
+        Some(swing.nearest_to(Some(before)))
     }
 
     /// Cycle by cycle, the oscillation that the lines of the signals show: the mean of all channels, by what the noise of their samples

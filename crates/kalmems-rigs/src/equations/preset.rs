@@ -4,7 +4,7 @@ use super::table::ParameterKeys;
 use super::threshold::PassedThreshold;
 use super::{EquationsRig, EquationsTable};
 use crate::config::{
-    ConfigError, DeviceDescription, DeviceKind, DeviceUses, Experiment, OtherTerms, read_device,
+    ConfigError, DeviceDescription, DeviceKind, DeviceUses, Experiment, RecordingRole, read_device,
 };
 use crate::estimate::{DeviceParameter, EstimateError};
 use crate::evaluate::{Instruments, ValueState};
@@ -18,7 +18,6 @@ use crate::{Estimator, Expansion, OmittedNumber, RecordingChannels, Rig, StateDe
 use kalmems_engines::rig::{LengthScale, export_of_rig};
 use std::marker::PhantomData;
 use std::ops::ControlFlow;
-use std::sync::Arc;
 
 /// A filter as it is exported with parts of its own, and the columns of drive and signal.
 pub type OwnExport = (Box<dyn ExportableFilter>, [String; 2]);
@@ -32,14 +31,14 @@ pub trait Preset: DeviceDescription {
     /// Whether its signal is recorded as a capacitance, and not as a voltage.
     const READS_CAPACITANCE: bool;
 
-    /// The equations that the table means.
-    fn equations(&self) -> Expansion;
+    /// The roles of recordings that are estimated; those of the others are for its identification alone.
+    const ESTIMATED: &'static [RecordingRole] = &super::ESTIMATED;
 
-    /// The same for a reader to change, with what its filters are told of events.
-    fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
-        let _ = experiment;
-        Ok(self.equations())
-    }
+    /// Whether it has simulations of its own.
+    const SIMULATES_ITSELF: bool = false;
+
+    /// The equations that the table means, for a reader to change, with what its filters are told of events.
+    fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError>;
 
     /// The equations that are simulated, where the experiment's drive asks for others than those of its filters.
     fn simulated(&self, experiment: &Experiment) -> Result<Option<EquationsTable>, ConfigError> {
@@ -57,9 +56,20 @@ pub trait Preset: DeviceDescription {
         Instruments::default()
     }
 
+    /// Whether its table is that of this device, and not of another one that has the same table.
+    fn is_meant(&self) -> bool {
+        true
+    }
+
     /// Numbers that its table may leave out and that may be what is wrong.
-    fn left_out() -> Vec<OmittedNumber> {
+    fn left_out(&self) -> Vec<OmittedNumber> {
         Vec::new()
+    }
+
+    /// A simulation of its own, where its equations do not say how the experiment's recording is made.
+    fn simulation(experiment: &Experiment) -> Result<Option<Box<dyn Simulation>>, SimulateError> {
+        let _ = experiment;
+        Ok(None)
     }
 
     /// A filter that is exported with parts of its own, such as a detector, and the columns of drive and signal; `None` for one that its equations
@@ -73,7 +83,17 @@ pub trait Preset: DeviceDescription {
     fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError>;
 
     /// What can be said of it beside its equations, before anything is recorded.
-    fn topics(experiment: &Experiment) -> Result<Vec<OutlookTopic>, SimulateError>;
+    fn topics(experiment: &Experiment) -> Result<Vec<OutlookTopic>, SimulateError> {
+        let _ = experiment;
+        Ok(Vec::new())
+    }
+
+    /// The same added to what its equations say.
+    fn outlook(experiment: &Experiment, of_equations: Outlook) -> Result<Outlook, SimulateError> {
+        let Outlook { mut topics, .. } = of_equations;
+        topics.extend(Self::topics(experiment)?);
+        Ok(Outlook { topics, ..of_equations })
+    }
 }
 
 /// The equations of an expansion as what another table means; `keys` says where each parameter stands in that, with the power of it there, and
@@ -82,11 +102,11 @@ pub fn meant(
     expansion: &Expansion,
     keys: ParameterKeys,
     threshold: Option<PassedThreshold>,
-) -> Result<OtherTerms, ConfigError> {
+) -> Result<EquationsTable, ConfigError> {
     let mut table: EquationsTable = read_device(&expansion.text)?;
     table.noise_keys.clone_from(&expansion.noise);
     (table.keys, table.threshold) = (Some(keys), threshold);
-    Ok(Arc::new(table))
+    Ok(table)
 }
 
 /// The rig of a published device: that of its equations.
@@ -129,18 +149,20 @@ impl<T: Preset> Rig for PresetRig<T> {
         let uses =
             Self::read(experiment).map_or_else(|_| DeviceUses::default(), |read| EquationsRig.uses(read));
         let table = experiment.device_in_terms_of::<EquationsTable>();
-        let crossings = table.is_ok_and(|table| table.threshold.is_some());
+        let has = |what: fn(&EquationsTable) -> bool| table.as_ref().is_ok_and(|table| what(table));
+        let crossings = has(|table| table.threshold.is_some());
         DeviceUses {
             reads_capacitance: T::READS_CAPACITANCE,
             states_readout: false,
             crossings,
-            events: !crossings,
+            events: !crossings && has(|table| !table.events.is_empty()),
+            simulated_channels: !T::SIMULATES_ITSELF && uses.simulated_channels,
             ..uses
         }
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
-        EquationsRig.claims(Self::read(experiment)?)
+        Ok(experiment.device::<T>()?.is_meant() && EquationsRig.claims(experiment)?)
     }
 
     fn length_scale(&self, experiment: &Experiment) -> Result<Option<LengthScale>, ConfigError> {
@@ -169,7 +191,7 @@ impl<T: Preset> Rig for PresetRig<T> {
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-        EquationsRig.wanted(Self::read(experiment)?)
+        super::wanted(Self::read(experiment)?, T::ESTIMATED)
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {
@@ -219,8 +241,8 @@ impl<T: Preset> Rig for PresetRig<T> {
         Ok(experiment.device::<T>()?.instruments())
     }
 
-    fn left_out(&self, _: &Experiment) -> Vec<OmittedNumber> {
-        T::left_out()
+    fn left_out(&self, experiment: &Experiment) -> Vec<OmittedNumber> {
+        experiment.device::<T>().map_or_else(|_| Vec::new(), |device| device.left_out())
     }
 
     fn exported(&self, experiment: &Experiment, place: usize) -> Result<OwnExport, ExportError> {
@@ -237,16 +259,17 @@ impl<T: Preset> Rig for PresetRig<T> {
     fn outlook(&self, experiment: &Experiment) -> Result<Outlook, SimulateError> {
         let mut told = experiment.clone();
         // What starts a simulation of other equations is not about those of the filters.
-        if Self::read(experiment)?.device::<T>()?.simulated(experiment)?.is_some() {
+        if T::SIMULATES_ITSELF || Self::read(experiment)?.device::<T>()?.simulated(experiment)?.is_some() {
             told.simulate = None;
         }
-        let mut outlook = EquationsRig.outlook(Self::read(&told)?)?;
-        outlook.device = T::NAME;
-        outlook.topics.extend(T::topics(experiment)?);
-        Ok(outlook)
+        let outlook = EquationsRig.outlook(Self::read(&told)?)?;
+        T::outlook(experiment, Outlook { device: T::NAME, ..outlook })
     }
 
     fn simulate(&self, experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
+        if let Some(own) = T::simulation(experiment)? {
+            return Ok(own);
+        }
         let simulation = match experiment.device::<T>()?.simulated(experiment)? {
             None => EquationsRig.simulate(experiment)?,
             Some(equations) => {

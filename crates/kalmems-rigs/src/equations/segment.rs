@@ -9,6 +9,7 @@ use super::first_peak::{orient, sign_after_restart};
 use super::input_part::InputPart;
 use super::model::{EquationModel, Interval, noises};
 use super::names;
+use super::own_filter::OwnFilter;
 use super::phase_lock::{LoopOf, phase_lock};
 use super::phases::PhaseCourse;
 use super::range::RangeTally;
@@ -164,6 +165,8 @@ pub struct EquationEstimator<'a> {
     pub left_ranges: RangeTally,
     /// What it gives besides the estimates.
     pub side_outputs: SideOutputs,
+    /// What makes the filter of the caller's own that stands in for the experiment's, if there is one.
+    pub own_filter: OwnFilter,
     /// Who follows the work.
     pub progress: &'a dyn Progress,
 }
@@ -176,7 +179,7 @@ impl<'a> EquationEstimator<'a> {
         progress: &'a dyn Progress,
     ) -> Result<Self, EstimateError> {
         let settings = EquationSettings::of(experiment)?;
-        let models = settings.filters.iter().map(|filter| filter.models(&settings.own));
+        let models = settings.filters.iter().map(|filter| filter.models());
         let models = models.collect::<Result<_, _>>().map_err(|error| refused(experiment, &error))?;
         Ok(Self {
             experiment,
@@ -188,6 +191,7 @@ impl<'a> EquationEstimator<'a> {
             refused: None,
             left_ranges: RangeTally::default(),
             side_outputs: SideOutputs::default(),
+            own_filter: OwnFilter::default(),
             progress,
         })
     }
@@ -197,13 +201,17 @@ impl Estimator for EquationEstimator<'_> {
     fn around(&self, interval_s: f64) -> RowsAround {
         let told_s = |hz: f64| self.settings.skip_s + STARTING_CYCLES / hz;
         let crossed = self.settings.events.iter().any(EventSettings::is_shown_by_a_signal);
-        let first_s = self.settings.own.natural_hz().filter(|_| crossed).map_or(0.0, told_s);
+        // A turning point behind the settling time tells a sign that is stated.
+        let looked_at = crossed || !self.settings.signs.is_empty();
+        let first_s = self.settings.own.natural_hz().filter(|_| looked_at).map_or(0.0, told_s);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
         let rows = (first_s / interval_s).ceil() as usize;
         let own = &self.settings.own;
-        let from_signal = self.settings.filters.iter().filter_map(|filter| filter.prior(own));
-        let mut rows = from_signal.map(|prior| most_rows((own, &prior), interval_s)).fold(rows, usize::max);
-        let smooths = self.settings.filters.iter().any(|filter| filter.basics.smooth);
+        let filters = || self.settings.filters.iter();
+        let from_signal =
+            filters().filter_map(|filter| Some(most_rows((&filter.own, &filter.prior()?), interval_s)));
+        let mut rows = from_signal.fold(rows, usize::max);
+        let smooths = filters().any(|filter| filter.basics.smooth);
         let RowsNeeded { before, after } = self.settings.needed(interval_s).with_a_margin();
         let lag = self.past.lag();
         let around = self.settings.own.between.iter().map(|between| between.rows_around(lag));
@@ -211,14 +219,15 @@ impl Estimator for EquationEstimator<'_> {
         let (before, after) = around
             .chain(rates)
             .fold((before, after), |(before, after), own| (before.max(own.0), after.max(own.1)));
-        let again = self.settings.filters.iter().map(|filter| filter.prior_of_a_later_start(own));
-        let mut again = again.map(|prior| rows_before((own, &prior), interval_s)).fold(0, usize::max);
+        let again =
+            filters().map(|filter| rows_before((&filter.own, &filter.prior_of_a_later_start()), interval_s));
+        let mut again = again.fold(0, usize::max);
         if self.settings.sine.is_some() {
             (rows, again) =
                 (QuantitySine::head_rows(self.settings.skip_s, interval_s), QuantitySine::ROWS_BEFORE);
         }
         // What follows from an input is said of a sample once a smoother has waited for the later ones.
-        let lags = self.settings.filters.iter().filter_map(|filter| filter.basics.lag_samples(interval_s));
+        let lags = filters().filter_map(|filter| filter.basics.lag_samples(interval_s));
         let lagged = if own.device.quantities_need_inputs() { lags.fold(0, usize::max) } else { 0 };
         RowsAround {
             head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD),
@@ -234,7 +243,7 @@ impl Estimator for EquationEstimator<'_> {
 
     fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (settings, past) = (&self.settings, &mut self.past);
-        let OwnDevice { device, values, .. } = &settings.own;
+        let OwnDevice { device, values, .. } = &*settings.own;
         let wrong = |error: EquationError| EstimateError::from(refused(self.experiment, &error));
         let Some((first, column)) = self.columns.measured.first().copied() else {
             let why = "no channel of the recording is measured of the device".to_owned();
@@ -324,10 +333,20 @@ impl Estimator for EquationEstimator<'_> {
             let mirrored = if settings.signs.is_empty() { Some(false) } else { past.is_mirrored() };
             let side_outputs = self.side_outputs.of_filter(index, (phase_rate, mirrored), start_s);
             let models = self.models.get(index).map_or(&[][..], Vec::as_slice);
-            let (own, progress) = (&settings.own, self.progress);
+            let (own, progress) = (&*filter.own, self.progress);
             let (sine, skip_s) = (settings.sine.as_ref(), settings.skip_s);
-            let way =
-                EquationFilterTask { own, sine, skip_s, filter, models, side_outputs, data: &data, progress };
+            let (data, own_filter) = (&data, &self.own_filter);
+            let way = EquationFilterTask {
+                own,
+                sine,
+                skip_s,
+                filter,
+                models,
+                side_outputs,
+                own_filter,
+                data,
+                progress,
+            };
             let mut found = way.follow(past)?;
             for (answer, trajectory) in found.iter_mut().enumerate() {
                 let past = past.answer(answer);
@@ -337,6 +356,7 @@ impl Estimator for EquationEstimator<'_> {
             all.append(&mut found);
         }
         let mut remarks = sign_after_restart(part, !settings.signs.is_empty());
+        remarks.extend(settings.without_low_passes.clone().filter(|_| part.begins));
         remarks.extend(left_tables(&settings.own, &data, &all));
         self.left_ranges.add(&settings.own.ranges, &all);
         if segment.ends {
@@ -462,6 +482,8 @@ pub struct EquationFilterTask<'a> {
     pub models: &'a [EquationModel],
     /// What it gives besides its states.
     pub side_outputs: FilterSideOutputs,
+    /// What makes it, where it is one of the caller's own.
+    pub own_filter: &'a OwnFilter,
     /// The samples.
     pub data: &'a EquationSegment<'a>,
     /// Who follows the work.
@@ -521,7 +543,9 @@ impl EquationFilterTask<'_> {
         let is_one_swing = self.own.is_one_swing() && basics.parameters().is_empty();
         if (self.sine.is_some() || is_one_swing) && basics.gain().is_some() && past.numbers.is_empty() {
             past.numbers = known(0).mean;
-            past.numbers.extend(self.data.time_s.first().filter(|_| is_one_swing));
+            if is_one_swing {
+                past.numbers = self.operating(&past.numbers);
+            }
         }
         let operating = past.numbers.clone();
         let predictor = self.side_outputs.predictor(basics, self.data.samples.interval_s, past)?;
@@ -567,6 +591,9 @@ impl EquationFilterTask<'_> {
         channels: &[usize],
     ) -> Result<AnyFilter, EstimateError> {
         let basics = &self.filter.basics;
+        if let Some(make) = self.own_filter.take() {
+            return Ok(make(left.unwrap_or(start)));
+        }
         let Some(gain) = basics.gain() else { return basics.begin(left, || Ok(start)) };
         let interval_s = self.data.samples.interval_s;
         let Some(channel) = channels.first().and_then(|place| self.data.channels.get(*place)) else {

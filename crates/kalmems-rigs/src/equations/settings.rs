@@ -56,7 +56,12 @@ pub struct OwnDevice {
 impl OwnDevice {
     /// Of an experiment.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let (table, device) = EquationsTable::of(experiment)?;
+        Self::of_table(experiment, &*experiment.device_in_terms_of::<EquationsTable>()?)
+    }
+
+    /// Of a table of an experiment.
+    fn of_table(experiment: &Experiment, table: &EquationsTable) -> Result<Self, ConfigError> {
+        let device = table.device(experiment)?;
         let values = device.values();
         let stated = device.inputs().iter().take(device.own_inputs());
         let stated = stated.map(|input| table.interpolation.of(&input.name));
@@ -66,8 +71,8 @@ impl OwnDevice {
         let about = stated_starts(experiment, &device);
         let bandwidth_hz = |named: &Named| table.bandwidth.get(&named.name).map_or(0.0, Quantity::si);
         let bandwidths = device.measures().iter().map(bandwidth_hz).collect();
-        let ranges = ranges(experiment, &table, &device)?;
-        angles::check(experiment, &table, &device)?;
+        let ranges = ranges(experiment, table, &device)?;
+        angles::check(experiment, table, &device)?;
         let angle = table.angles.iter().next().and_then(|(angle, _)| device.state(angle));
         let own = Self::with(device, values, between, &about).map_err(|error| refused(experiment, &error))?;
         let drive_cycles = table.oscillation.as_ref().map_or(1.0, OscillationTable::drive_cycles);
@@ -179,6 +184,14 @@ impl OwnDevice {
         self.angle.is_some()
     }
 
+    /// The states that are exactly 0 at a place, where that is the middle of a symmetry of equations and signals that they never leave.
+    fn symmetric_rest(&self, at: &[f64]) -> Option<String> {
+        let is_zero = |state: &usize| at.get(*state) == Some(&0.0);
+        let group = self.hidden_signs.iter().find(|group| group.iter().all(is_zero))?;
+        let names = group.iter().filter_map(|state| self.device.states().get(*state));
+        Some(names.map(|named| format!("`{}`", named.name)).collect::<Vec<_>>().join(" and "))
+    }
+
     /// Whether no signal tells the sign of its angle.
     pub fn hides_angle(&self) -> bool {
         let hidden = |angle: usize| self.hidden_signs.iter().any(|group| group.contains(&angle));
@@ -221,7 +234,7 @@ pub fn stated_starts(experiment: &Experiment, device: &Device) -> Vec<Option<f64
 /// What the file says of the filters.
 pub struct EquationSettings {
     /// The device.
-    pub own: OwnDevice,
+    pub own: Arc<OwnDevice>,
     /// How long the filters have to settle, in s.
     pub skip_s: f64,
     /// The signs that the file states because no signal tells them.
@@ -232,12 +245,16 @@ pub struct EquationSettings {
     pub events: Vec<EventSettings>,
     /// The filters.
     pub filters: Vec<EquationFilterSettings>,
+    /// What is said of those filters that do without the low-passes that the readout has.
+    pub without_low_passes: Option<String>,
 }
 
 /// What the file says of one filter.
 pub struct EquationFilterSettings {
     /// What every filter has.
     pub basics: FilterBasics,
+    /// The device as it knows it: with the low-passes of the readout or without.
+    pub own: Arc<OwnDevice>,
     /// The measurements that correct it, by their places; none for all that the recording has.
     pub measures: Vec<usize>,
     /// The variance that it takes a sample of its one signal for, where that is not the noise's.
@@ -269,7 +286,7 @@ enum EquationStart {
 impl EquationSettings {
     /// Reads and checks them.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let own = OwnDevice::of(experiment)?;
+        let own = Arc::new(OwnDevice::of(experiment)?);
         let Some(estimate) = &experiment.estimate else {
             let remedy = "add the table `[estimate]` with `skip` and at least one `[[estimate.filter]]`";
             return Err(experiment.error("estimate", ConfigFault::MissingKey { remedy: remedy.to_owned() }));
@@ -286,10 +303,14 @@ impl EquationSettings {
         let sine = QuantitySine::of(&own, &table).map_err(|(key, why)| {
             experiment.error(Key::from("device.equations.sine").child(key), ConfigFault::Value { why })
         })?;
-        let of =
-            |index| EquationFilterSettings::of(experiment, estimate, (&own, &events, sine.as_ref()), index);
+        let known = FilterDevices::of(experiment, estimate, (table, &own))?;
+        let of = |index| {
+            let (table, own) = known.of_filter(experiment, estimate, index)?;
+            EquationFilterSettings::of(experiment, estimate, (table, own, &events, sine.as_ref()), index)
+        };
         let filters = (0..estimate.filters.len()).map(of).collect::<Result<_, _>>()?;
-        Ok(Self { skip_s: estimate.skip.si(), signs, sine, events, filters, own })
+        let without_low_passes = known.left_out(estimate);
+        Ok(Self { skip_s: estimate.skip.si(), signs, sine, events, filters, without_low_passes, own })
     }
 }
 
@@ -344,15 +365,94 @@ fn without_motion(
             let of = |measure: &usize| MeasuredOscillation::of(own, &table, *measure);
             Ok((None, chosen.iter().map(of).collect::<Result<_, _>>().map_err(refused)?))
         }
+        // A gain that turns with the swing takes that from the signal, where the table says what a line of it means.
+        (method, [measure]) if method.has_fixed_gain() && own.is_one_swing() => {
+            let table = experiment.device_in_terms_of::<EquationsTable>()?;
+            Ok((None, MeasuredOscillation::of(own, &table, *measure).into_iter().collect()))
+        }
         _ => Ok((None, Vec::new())),
     }
+}
+
+/// The device as filters may know it.
+struct FilterDevices {
+    table: Arc<EquationsTable>,
+    own: Arc<OwnDevice>,
+    /// The same with the low-passes of its readout, where some filter asks for them and there are some.
+    demodulated: Option<(Arc<EquationsTable>, Arc<OwnDevice>)>,
+}
+
+impl FilterDevices {
+    fn of(
+        experiment: &Experiment,
+        estimate: &Estimate,
+        (table, own): (Arc<EquationsTable>, &Arc<OwnDevice>),
+    ) -> Result<Self, ConfigError> {
+        let asked = estimate.filters.iter().any(|filter| filter.demodulator);
+        let other = table.demodulator.as_ref().and_then(|own| own.device.clone()).filter(|_| asked);
+        let with = |table: Arc<EquationsTable>| {
+            Ok((Arc::clone(&table), Arc::new(OwnDevice::of_table(experiment, &table)?)))
+        };
+        let demodulated = other.map(with).transpose()?;
+        Ok(Self { table, own: Arc::clone(own), demodulated })
+    }
+
+    /// Which filters do without the low-passes that the readout has, where some do.
+    fn left_out(&self, estimate: &Estimate) -> Option<String> {
+        self.table.demodulator.as_ref()?.device.as_ref()?;
+        let without = estimate.filters.iter().filter(|filter| !filter.demodulator);
+        let names: Vec<String> = without.map(|filter| format!("`{}`", filter.name)).collect();
+        (!names.is_empty()).then(|| {
+            format!(
+                "the readout's `poles` are no part of the model of {}; with `demodulator = true` a filter has them",
+                names.join(", ")
+            )
+        })
+    }
+
+    /// As the filter at this place knows it.
+    fn of_filter(
+        &self,
+        experiment: &Experiment,
+        estimate: &Estimate,
+        index: usize,
+    ) -> Result<(&EquationsTable, &Arc<OwnDevice>), ConfigError> {
+        let filter = &estimate.filters[index];
+        let at = || Key::from("estimate").child("filter").index(index);
+        let refused = |why: &str| {
+            refuse_demodulator(experiment, (&at(), filter), why).map(|()| (&*self.table, &self.own))
+        };
+        match (&self.demodulated, &self.table.demodulator) {
+            (Some(_), _) if filter.method.has_fixed_gain() => refused(
+                "the gain for all of a swing is that of angle and rate alone; leave it out, or use `ekf`",
+            ),
+            (Some((table, own)), _) if filter.demodulator => Ok((table, own)),
+            (_, Some(known)) => refused(known.remedy),
+            (_, None) => refused("this device has none; write a `lag` in its table"),
+        }
+    }
+}
+
+/// What is said of a demodulator stands for each of its low-passes, the states behind those that are stated.
+fn of_each_low_pass(device: &Device, values: &Values) -> Values {
+    let mut all = values.clone();
+    if let Some(value) = all.remove("demodulator") {
+        let lags = device.states().iter().skip(device.own_states());
+        all.extend(lags.map(|named| (named.name.to_string(), value.clone())));
+    }
+    all
 }
 
 impl EquationFilterSettings {
     fn of(
         experiment: &Experiment,
         estimate: &Estimate,
-        (own, events, sine): (&OwnDevice, &[EventSettings], Option<&QuantitySine>),
+        (table, own, events, sine): (
+            &EquationsTable,
+            &Arc<OwnDevice>,
+            &[EventSettings],
+            Option<&QuantitySine>,
+        ),
         index: usize,
     ) -> Result<Self, ConfigError> {
         let (device, filter) = (&own.device, &estimate.filters[index]);
@@ -360,7 +460,6 @@ impl EquationFilterSettings {
         let refuse = |name: &str, why: String| {
             Err(experiment.error(at.clone().child(name), ConfigFault::Value { why }))
         };
-        refuse_demodulator(experiment, (&at, filter), "this device has none; write a `lag` in its table")?;
         let entries = names::entries(device);
         let start = match &filter.start {
             Some(FilterStart::Values(values)) => Some(values),
@@ -372,13 +471,16 @@ impl EquationFilterSettings {
         };
         let claims = filter.method.claims();
         let mut sd = if claims {
-            of("start_sd", &filter.start_sd, &deviations)?
+            let with_lags = filter.demodulator.then(|| of_each_low_pass(device, &filter.start_sd));
+            of("start_sd", with_lags.as_ref().unwrap_or(&filter.start_sd), &deviations)?
         } else {
             vec![Some(0.0); entries.len()]
         };
+        if table.start_tells_itself && start.is_none() && claims {
+            sd.fill(None);
+        }
         let (noise_key, noise) = process_noise(experiment, &at, filter)?;
-        let (table, _) = EquationsTable::of(experiment)?;
-        let density = some(experiment, &noise_key, noise, &names::densities(&table, device))?;
+        let density = some(experiment, &noise_key, noise, &names::densities(table, device))?;
         let is_moved = |state: &usize| density[*state].is_some() || sd[*state].is_some();
         let held: Vec<usize> = sine
             .map_or(&[][..], QuantitySine::held)
@@ -399,6 +501,13 @@ impl EquationFilterSettings {
             }
             Some(values) => {
                 let mean = own.started(&of("start", values, &entries)?);
+                if let Some(names) = own.symmetric_rest(&mean) {
+                    let why = format!(
+                        "{names} are exactly 0; equations and signals are symmetric there, so that neither a filter nor the model would ever leave it; \
+                         start from a small value, such as `1e-6`"
+                    );
+                    return refuse("start", why);
+                }
                 for state in &held {
                     sd[*state] = Some(0.0);
                 }
@@ -414,7 +523,7 @@ impl EquationFilterSettings {
                 EquationStart::Stated { mean, sd }
             }
         };
-        let known = parameters(experiment, (&table, device));
+        let known = parameters(experiment, (table, device));
         let scales: Vec<f64> = known
             .iter()
             .zip(&own.values)
@@ -443,6 +552,7 @@ impl EquationFilterSettings {
         let held = held.into_iter().filter(|state| sine.is_some_and(|sine| !sine.is_told(*state))).collect();
         Ok(Self {
             basics,
+            own: Arc::clone(own),
             measures,
             signal_variance,
             variant,
@@ -472,20 +582,20 @@ impl EquationFilterSettings {
     }
 
     /// Where it begins, or where the search for its start does.
-    fn about(&self, own: &OwnDevice) -> Vec<f64> {
+    fn about(&self) -> Vec<f64> {
         match &self.start {
             EquationStart::Stated { mean, .. } => mean.clone(),
             EquationStart::Signal { about, .. } => {
-                about.iter().zip(&own.rest).map(|(about, rest)| about.unwrap_or(*rest)).collect()
+                about.iter().zip(&self.own.rest).map(|(about, rest)| about.unwrap_or(*rest)).collect()
             }
         }
     }
 
     /// What is known of the states before the first sample, where the start comes from the signal: that they are about rest, or where the
     /// file says, as far as it says how far.
-    pub fn prior(&self, own: &OwnDevice) -> Option<Vec<StatePrior>> {
+    pub fn prior(&self) -> Option<Vec<StatePrior>> {
         let EquationStart::Signal { sd, .. } = &self.start else { return None };
-        let states = self.about(own).into_iter().zip(sd).map(|(mean, sd)| StatePrior { mean, sd: *sd });
+        let states = self.about().into_iter().zip(sd).map(|(mean, sd)| StatePrior { mean, sd: *sd });
         Some(self.holding(states.chain(self.basics.priors()).collect()))
     }
 
@@ -498,8 +608,9 @@ impl EquationFilterSettings {
     }
 
     /// What is known of the states before a start that is sought later, since the signal was lost.
-    pub fn prior_of_a_later_start(&self, own: &OwnDevice) -> Vec<StatePrior> {
-        self.prior(own).unwrap_or_else(|| {
+    pub fn prior_of_a_later_start(&self) -> Vec<StatePrior> {
+        let own = &self.own;
+        self.prior().unwrap_or_else(|| {
             let motion = own.rest.iter().take(own.device.states().len());
             let motion = motion.map(|rest| StatePrior { mean: *rest, sd: None });
             self.holding(motion.chain(self.basics.priors()).collect())
@@ -507,15 +618,16 @@ impl EquationFilterSettings {
     }
 
     /// The models that it runs on: one, but for a bank, whose models have its parameters off by their deviations.
-    pub fn models(&self, own: &OwnDevice) -> Result<Vec<EquationModel>, EquationError> {
+    pub fn models(&self) -> Result<Vec<EquationModel>, EquationError> {
         if self.basics.method != Method::Bank {
-            return Ok(vec![self.model(own, &[])?]);
+            return Ok(vec![self.model(&[])?]);
         }
-        combinations(&self.basics.tracked).iter().map(|shifts| self.model(own, shifts)).collect()
+        combinations(&self.basics.tracked).iter().map(|shifts| self.model(shifts)).collect()
     }
 
     /// A model with its parameters off by so much.
-    fn model(&self, own: &OwnDevice, shifts: &[f64]) -> Result<EquationModel, EquationError> {
+    fn model(&self, shifts: &[f64]) -> Result<EquationModel, EquationError> {
+        let own = &self.own;
         let mut values = own.values.clone();
         for (tracked, shift) in self.basics.tracked.iter().zip(shifts) {
             if let Some(place) = own.device.parameter(tracked.parameter.name) {
@@ -535,7 +647,7 @@ impl EquationFilterSettings {
         let rule =
             if self.basics.method == Method::EulerEkf { StepRule::Euler } else { StepRule::Exponential };
         let tracked: &[Tracked] = self.basics.parameters();
-        let about = own.rest_about(&self.about(own));
+        let about = own.rest_about(&self.about());
         EquationModel::new(&own.device, &values, tracked, (&density, rule), (&own.rest, &about, own.pace()))
     }
 }

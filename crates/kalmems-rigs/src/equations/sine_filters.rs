@@ -42,7 +42,7 @@ impl EquationFilterTask<'_> {
         sine: &QuantitySine,
         (model, channels, steps): (&EquationModel, &[usize], usize),
     ) -> Result<Option<BatchStart>, EstimateError> {
-        let Some(prior) = self.filter.prior(self.own) else { return Ok(None) };
+        let Some(prior) = self.filter.prior() else { return Ok(None) };
         let SampleSelection { fresh, interval_s, .. } = &self.data.samples;
         let none = |why: String| EstimateError::NoStart {
             place: self.data.place.to_owned(),
@@ -119,7 +119,7 @@ impl EquationFilterTask<'_> {
             let (measured, signal) = self.channel_of(sine, channels)?;
             let seen = (self.data.time_s.get(rows.clone())?, signal.get(rows.clone())?);
             let found = sine.find(self.own, seen, measured, (interval_s, None))?;
-            let search = self.near(sine, &found, self.filter.prior_of_a_later_start(self.own));
+            let search = self.near(sine, &found, self.filter.prior_of_a_later_start());
             let mut course =
                 EquationCourse::new(model, (self.data, &self.own.between), (channels, &[]), steps);
             start_again_from_signal(&mut course, rows, &search, &basics.readout)

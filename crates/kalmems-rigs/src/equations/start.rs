@@ -83,6 +83,9 @@ fn search(own: &OwnDevice, prior: Vec<StatePrior>) -> StartSearch {
     search.shapes = shapes.filter_map(|mode| shape(&free.linear, states, mode)).collect();
     let known: Vec<(usize, usize)> = motion.sparsity().collect();
     search.mirrored = groups(own.device.own_states().min(states), &known);
+    // Of an angle whose sign no signal tells either is taken: an experiment states it afterwards, or it is said to be arbitrary.
+    let is_hidden = |group: &Vec<usize>| own.hidden_signs.contains(group);
+    search.is_symmetric = own.hides_angle() && search.mirrored.iter().all(is_hidden);
     search
 }
 
@@ -121,7 +124,7 @@ impl EquationFilterTask<'_> {
         if let Some(sine) = self.sine {
             return self.start_of_sine(sine, (model, channels, steps));
         }
-        let Some(prior) = self.filter.prior(self.own) else { return Ok(None) };
+        let Some(prior) = self.filter.prior() else { return Ok(None) };
         let cycle_s = cycle_s(self.own, &prior);
         let search = search(self.own, prior);
         let states = self.filter.basics.states(&self.own.states());
@@ -151,7 +154,7 @@ impl EquationFilterTask<'_> {
             return self.start_sine_again(sine, (model, channels, steps));
         }
         let basics = &self.filter.basics;
-        let prior = self.filter.prior_of_a_later_start(self.own);
+        let prior = self.filter.prior_of_a_later_start();
         let rows =
             rows_to_start_again((cycle_s(self.own, &prior), self.data.samples.interval_s), self.states());
         let rule = basics.reacquisition(self.data.motion.frequency_hz, self.data.start_s, rows)?;

@@ -11,6 +11,18 @@ use std::cell::RefCell;
 use std::f64::consts::TAU;
 
 impl EquationFilterTask<'_> {
+    /// The state of the swing at the segment's beginning, and its time in s, that such a gain is for: as the first cycles show it, where the table says what
+    /// a line of the signal means and the file states a start, which may be far off, and else where the filter starts.
+    pub fn operating(&self, start: &[f64]) -> Vec<f64> {
+        let Some(first_s) = self.data.time_s.first().copied() else { return start.to_vec() };
+        let shown = self.filter.stated().and_then(|_| {
+            let swing = swing_through((start, first_s), TAU * self.data.motion.frequency_hz)?;
+            self.first_swing(&swing)
+        });
+        let state = shown.map_or_else(|| start.to_vec(), |swing| swing.at(first_s).to_vec());
+        state.into_iter().chain([first_s]).collect()
+    }
+
     /// The filter for the swing that it started with, in a state at a time in s.
     pub fn turning(
         &self,
@@ -41,22 +53,26 @@ impl EquationFilterTask<'_> {
         let densities = model.rate_densities();
         let density = |i: usize| densities.get(i).copied().unwrap_or(0.0);
         let noise = Mat::from_fn(|i, j| if i == j { density(i) } else { 0.0 });
-        let [angle, angular_rate, first_s] = operating[..] else {
+        let [state @ .., first_s] = operating else {
             return Err(basics.no_gain(&"where it starts is not known"));
         };
-        let (motion_hz, mean) = (data.motion.frequency_hz, known.gaussian::<2>().mean);
-        let rate = TAU * motion_hz;
-        let amplitude = angle.portable_hypot(angular_rate / rate);
-        if amplitude == 0.0 {
+        let (motion_hz, mean, first_s) = (data.motion.frequency_hz, known.gaussian::<2>().mean, *first_s);
+        let Some(swing) = swing_through((state, first_s), TAU * motion_hz) else {
             return Err(basics.no_gain(
                 &"it starts at rest, and its gain is for a swing; write `start = \"from_signal\"`",
             ));
-        }
-        let phase = (rate * angle).portable_atan2(angular_rate) - rate * first_s;
-        let swing = Swing { rest: 0.0, amplitude, rate, phase };
+        };
         let samples = (data.samples.interval_s, channel.variance);
         let over = (&[swing][..], [first_s, motion_hz.recip()]);
         let found = TurningGain::<2>::of((gain, mean), (&linearised, noise), over, samples);
         Ok(AnyFilter::this(found.map_err(|why| basics.no_gain(&why))?))
     }
+}
+
+/// The swing at a rate in rad/s through a state, an angle and its rate, at a time in s; `None` at rest.
+fn swing_through((state, time_s): (&[f64], f64), rate: f64) -> Option<Swing> {
+    let [angle, angular_rate, ..] = *state else { return None };
+    let amplitude = angle.portable_hypot(angular_rate / rate);
+    let phase = (rate * angle).portable_atan2(angular_rate) - rate * time_s;
+    (amplitude > 0.0).then_some(Swing { rest: 0.0, amplitude, rate, phase })
 }

@@ -110,6 +110,12 @@ pub struct EquationsTable {
     /// The amplitude in rad of its angle from which a stream tells zero phases, where the table that these equations were made from has one.
     #[serde(skip)]
     pub least_amplitude: Option<f64>,
+    /// The low-passes of its readout, where the table that these equations were made from has a key for them.
+    #[serde(skip)]
+    pub demodulator: Option<Demodulator>,
+    /// Whether a start from the signal says itself how good it is, so that `start_sd` is for stated starts alone.
+    #[serde(skip)]
+    pub start_tells_itself: bool,
     #[serde(skip)]
     read: OnceLock<Arc<Device>>,
 }
@@ -237,12 +243,27 @@ impl DeviceDescription for EquationsTable {
     }
 }
 
+/// The low-passes of a readout that some filters follow as states, those with `demodulator = true`.
+#[derive(Clone, Debug)]
+pub struct Demodulator {
+    /// The same device with them; `None` where its table states none.
+    pub device: Option<Arc<EquationsTable>>,
+    /// What to write where there are none.
+    pub remedy: &'static str,
+}
+
 impl EquationsTable {
     /// The table of an experiment, and the device, its equations checked.
     pub fn of(experiment: &Experiment) -> Result<(Arc<Self>, Arc<Device>), ConfigError> {
         let table = experiment.device_in_terms_of::<Self>()?;
+        let device = table.device(experiment)?;
+        Ok((table, device))
+    }
+
+    /// The device of a table of an experiment, its equations checked.
+    pub fn device(&self, experiment: &Experiment) -> Result<Arc<Device>, ConfigError> {
         let mut unread = None;
-        let device = table.device_in(&mut |curve| {
+        let device = self.device_in(&mut |curve| {
             curve.points_of(experiment).unwrap_or_else(|error| {
                 unread.get_or_insert(error);
                 curve.points_here()
@@ -251,8 +272,7 @@ impl EquationsTable {
         if let Some(error) = unread {
             return Err(error);
         }
-        let device = device.map_err(|error| refused(experiment, &error))?;
-        Ok((table, device))
+        device.map_err(|error| refused(experiment, &error))
     }
 
     fn device_in(

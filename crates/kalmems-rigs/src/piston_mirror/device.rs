@@ -13,6 +13,7 @@ use crate::config::{NotNegative, Positive};
 use crate::equations::meant;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// A mirror that moves along its axis before a fixed electrode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -144,7 +145,8 @@ impl DeviceDescription for PistonMirror {
 
     fn in_other_terms(&self) -> Result<Option<OtherTerms>, (Key, String)> {
         let meant = meant(&equations::motion(self), equations::keys, None);
-        meant.map(Some).map_err(|error| (Key::from("device.piston_mirror"), error.to_string()))
+        let meant = meant.map(|table| Some(Arc::new(table) as OtherTerms));
+        meant.map_err(|error| (Key::from("device.piston_mirror"), error.to_string()))
     }
 
     fn check(&self) -> Result<(), (Key, String)> {

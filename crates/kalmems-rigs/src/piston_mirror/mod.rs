@@ -56,8 +56,8 @@ impl Preset for PistonMirror {
 
     const READS_CAPACITANCE: bool = true;
 
-    fn equations(&self) -> Expansion {
-        equations::motion(self)
+    fn expanded(&self, _: &Experiment) -> Result<Expansion, ConfigError> {
+        Ok(equations::motion(self))
     }
 
     fn simulated(&self, experiment: &Experiment) -> Result<Option<EquationsTable>, ConfigError> {

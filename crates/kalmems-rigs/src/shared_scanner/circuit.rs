@@ -1,6 +1,6 @@
 //! The circuit of an experiment file, and the signal through it.
 
-use super::settings::{ScannerHardware, ScannerSettings};
+use super::settings::{ScannerHardware, acceleration_density};
 use super::simulation::{Sensing, SimulatedSensor};
 use crate::circuit::{
     Adequacy, AdequacyError, AdequacySettings, AmplitudeDetector, Chain, Circuit, CircuitInputs, HighPass,
@@ -108,11 +108,11 @@ const USUAL_DENSITY: f64 = 1e4;
 
 /// q of the first filter that the file describes, for which the circuit's model is judged.
 pub fn density_asked(experiment: &Experiment) -> Result<f64, ConfigError> {
-    if experiment.estimate.is_none() {
+    let Some(estimate) = &experiment.estimate else { return Ok(USUAL_DENSITY) };
+    let Some(first) = estimate.filters.iter().position(|filter| filter.method.claims()) else {
         return Ok(USUAL_DENSITY);
-    }
-    let filters = ScannerSettings::of(experiment)?.filters;
-    Ok(filters.iter().find(|f| f.basics.method.claims()).map_or(USUAL_DENSITY, |f| f.acceleration_density))
+    };
+    acceleration_density(experiment, estimate, first)
 }
 
 /// The circuit in SI.

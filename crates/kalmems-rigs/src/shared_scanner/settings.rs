@@ -1,9 +1,9 @@
 //! What the rig takes from an experiment file, in SI.
 
-use super::filters::ScannerFilterSettings;
 use crate::config::{
-    ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, ExtremeSign, Key, Quantity, Sign, Values,
+    ConfigError, ConfigFault, Estimate, ExpectedEntry, Experiment, Key, Quantity, Sign, Values,
 };
+use crate::estimate::process_noise;
 use crate::shared_scanner::device::SharedScanner;
 use crate::units::kind;
 use kalmems_models::capacitance::GaussianComb;
@@ -24,20 +24,6 @@ pub const DRIVE_GAIN: [(&str, i32); 7] = [
     ("carrier.amplitude", -1),
 ];
 
-/// What an experiment says of a shared-electrode scanner with one axis and of its filters, checked and in SI.
-#[derive(Clone, Debug)]
-pub struct ScannerSettings {
-    /// The device.
-    pub hardware: ScannerHardware,
-    /// How long a filter has to settle before it is scored, in s.
-    pub skip_s: f64,
-    /// Whether the first angle extreme after the settling time and the drive peak that follows it is a maximum;
-    /// `None` leaves the sign as the filter started.
-    pub first_peak_positive: Option<bool>,
-    /// The filters, in the order of the file.
-    pub filters: Vec<ScannerFilterSettings>,
-}
-
 /// The scanner: how it moves, how it is read, and the noise of a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct ScannerHardware {
@@ -45,8 +31,6 @@ pub struct ScannerHardware {
     pub scanner: ParametricScanner<f64>,
     /// What is recorded of it.
     pub readout: DemodulatedComb<f64>,
-    /// The corner frequencies of the demodulator's low-pass stages in rad/s, where they are stated.
-    pub poles: Option<[f64; 2]>,
     /// How late the signal is beside the poles, in s.
     pub delay_s: f64,
     /// The variance of the recorded signal's noise per sample, in V².
@@ -54,9 +38,13 @@ pub struct ScannerHardware {
 }
 
 impl ScannerHardware {
-    /// Reads what the file says of the device.
+    /// What the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let device = experiment.device::<SharedScanner>()?;
+        Ok(Self::of_table(&*experiment.device::<SharedScanner>()?))
+    }
+
+    /// The same of its table.
+    pub fn of_table(device: &SharedScanner) -> Self {
         let comb = GaussianComb {
             nominal: device.comb.nominal_capacitance.si(),
             angular_width: device.comb.angular_width.si(),
@@ -69,27 +57,16 @@ impl ScannerHardware {
             stiffness: device.resonator.stiffness.si(),
         };
         let delay_s = device.readout.delay.as_ref().map_or(0.0, Quantity::si);
-        let longest_s = LONGEST_DELAY_RAD / resonator.natural_rate();
-        if delay_s > longest_s {
-            let why = format!(
-                "filters read the angle that was by the motion that is, up to an eighth of a cycle back; write at most `{:.2} us`",
-                longest_s * 1e6
-            );
-            let key =
-                ["shared_scanner", "readout", "delay"].into_iter().fold(Key::from("device"), Key::child);
-            return Err(experiment.error(key, ConfigFault::Value { why }));
-        }
-        Ok(Self {
+        Self {
             scanner: ParametricScanner { resonator, comb, carrier_mean_square: carrier * carrier / 2.0 },
             readout: DemodulatedComb {
                 comb,
                 gain: device.readout.gain.si(),
                 offset: device.readout.offset.si(),
             },
-            poles: device.readout.poles.as_ref().map(|poles| poles.each_ref().map(|pole| TAU * pole.si())),
             delay_s,
             noise_variance: device.readout.noise_variance.si(),
-        })
+        }
     }
 
     /// The frequency at which it swings without a drive, in Hz.
@@ -104,7 +81,7 @@ impl ScannerHardware {
 }
 
 /// An eighth of a cycle: farther back, what [`DelayedComb`] leaves out is more than half a percent of the amplitude.
-const LONGEST_DELAY_RAD: f64 = FRAC_PI_4;
+pub const LONGEST_DELAY_RAD: f64 = FRAC_PI_4;
 
 /// The states of the motion, as tables of values name them.
 pub const fn states(sign: Sign) -> [ExpectedEntry; 2] {
@@ -114,33 +91,20 @@ pub const fn states(sign: Sign) -> [ExpectedEntry; 2] {
     ]
 }
 
-impl ScannerSettings {
-    /// Reads and checks what the rig needs.
-    pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let hardware = ScannerHardware::of(experiment)?;
-        let estimate = estimate_table(experiment)?;
-        let filters = (0..estimate.filters.len())
-            .map(|i| ScannerFilterSettings::of(experiment, estimate, &hardware, i));
-        Ok(Self {
-            hardware,
-            skip_s: estimate.skip.si(),
-            first_peak_positive: estimate.first_peak.map(|peak| peak == ExtremeSign::Positive),
-            filters: filters.collect::<Result<_, _>>()?,
-        })
-    }
+/// The density of its process noise.
+const NOISE: [ExpectedEntry; 1] =
+    [ExpectedEntry::new("angular_acceleration", &kind::ANGULAR_ACCELERATION_DENSITY, Sign::NotNegative)];
 
-    /// Which filters do without the poles that the readout has, where some do.
-    pub fn poles_left_out(&self) -> Option<String> {
-        self.hardware.poles?;
-        let without = self.filters.iter().filter(|filter| filter.demodulator_sd.is_none());
-        let names: Vec<String> = without.map(|filter| format!("`{}`", filter.basics.name)).collect();
-        (!names.is_empty()).then(|| {
-            format!(
-                "the readout's `poles` are no part of the model of {}; with `demodulator = true` a filter has them",
-                names.join(", ")
-            )
-        })
-    }
+/// The density of the angular acceleration's noise that the filter at a place has, in rad²/s³.
+pub fn acceleration_density(
+    experiment: &Experiment,
+    estimate: &Estimate,
+    index: usize,
+) -> Result<f64, ConfigError> {
+    let at = Key::from("estimate").child("filter").index(index);
+    let (key, noise) = process_noise(experiment, &at, &estimate.filters[index])?;
+    let [density] = experiment.values(key, noise, NOISE)?;
+    Ok(density)
 }
 
 /// The table that an estimate needs.

@@ -187,6 +187,12 @@ impl<D, Z, const N: usize> ScannerSimulation<D, Z, N> {
     }
 }
 
+/// What is recorded.
+pub const RECORDED: [SimulatedColumn; 2] = [
+    SimulatedColumn { meaning: "drive", column: "drive_V" },
+    SimulatedColumn { meaning: "signal", column: "cap_V" },
+];
+
 /// The stream of the readout's noise.
 pub const SIGNAL_NOISE: u64 = 0;
 
@@ -196,10 +202,7 @@ where
     Z: SimulatedSensor<D, N>,
 {
     fn recorded(&self) -> &[SimulatedColumn] {
-        &[
-            SimulatedColumn { meaning: "drive", column: "drive_V" },
-            SimulatedColumn { meaning: "signal", column: "cap_V" },
-        ]
+        &RECORDED
     }
 
     fn truth(&self) -> &[SimulatedColumn] {

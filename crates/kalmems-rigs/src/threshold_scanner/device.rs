@@ -13,6 +13,7 @@ use crate::equations::meant;
 use crate::evaluate::BeamPosition;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// A resonant scanner whose comb's capacitance changes steeply at one angle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -172,7 +173,8 @@ impl DeviceDescription for ThresholdScanner {
 
     fn in_other_terms(&self) -> Result<Option<OtherTerms>, (Key, String)> {
         let meant = meant(&equations::motion(self), equations::keys, Some(equations::threshold(self)));
-        meant.map(Some).map_err(|error| (Key::from("device.threshold_scanner"), error.to_string()))
+        let meant = meant.map(|table| Some(Arc::new(table) as OtherTerms));
+        meant.map_err(|error| (Key::from("device.threshold_scanner"), error.to_string()))
     }
 
     fn check(&self) -> Result<(), (Key, String)> {

@@ -54,10 +54,6 @@ impl Preset for ThresholdScanner {
 
     const READS_CAPACITANCE: bool = false;
 
-    fn equations(&self) -> Expansion {
-        equations::motion(self)
-    }
-
     fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
         Ok(equations::expanded(self, experiment))
     }
@@ -67,7 +63,7 @@ impl Preset for ThresholdScanner {
         Instruments { beam, ..Instruments::default() }
     }
 
-    fn left_out() -> Vec<OmittedNumber> {
+    fn left_out(&self) -> Vec<OmittedNumber> {
         let number = |key, unit, step| OmittedNumber {
             key,
             unit,

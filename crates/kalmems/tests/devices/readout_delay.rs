@@ -178,7 +178,10 @@ fn slow_poles_and_delay_over_frequencies_and_seeds() {
 #[test]
 fn a_delay_that_cannot_be_heeded_is_refused() {
     let said = |toml: &str| {
-        let experiment = published().parse(toml, Path::new("experiment.toml")).unwrap();
+        let experiment = match published().parse(toml, Path::new("experiment.toml")) {
+            Err(error) => return error.to_string(),
+            Ok(experiment) => experiment,
+        };
         match published().rig(&experiment).unwrap().simulate(&experiment) {
             Err(error) => error.to_string(),
             Ok(_) => "accepted".to_owned(),

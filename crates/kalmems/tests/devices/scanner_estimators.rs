@@ -244,10 +244,7 @@ fn what_does_not_fit_a_method_is_refused_with_what_to_do() {
         &ekf("states = { stifness = { start_sd = \"1 %\" } }"),
         ["filter[0].states.stifness", "did you mean", "stiffness"],
     );
-    said(
-        &ekf("states = { offset = { start_sd = \"1 %\" } }"),
-        ["states.offset.start_sd", "a voltage", "6 V"],
-    );
+    said(&ekf("states = { offset = { start_sd = \"1 s\" } }"), ["states.offset.start_sd", "`1 s`", "0.3 %"]);
     said(
         &ekf("states = { gain = { start_sd = \"1 %\", drift = \"1 V^2/s\" } }"),
         ["states.gain.drift", "per time", "1e-7 1/s"],

@@ -1,11 +1,7 @@
 //! A driven device on its way through one segment.
 
 use super::{DrivenSegment, Plant, SegmentDrive};
-use crate::estimate::{
-    Bridge, Course, DerivedQuantities, Filtering, PhasePredictor, SampleCounts, StatePropagation, Transition,
-    by_signal,
-};
-use crate::signal::Sine;
+use crate::estimate::{Bridge, Course, Filtering, SampleCounts, by_signal};
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{FilterError, Innovation};
 
@@ -19,10 +15,6 @@ pub struct DrivenCourse<'a, P: Plant> {
     /// So many steps from sample to sample, at least; how many, and each of them, where they are several.
     least: usize,
     parts: Option<(usize, P::Motion)>,
-    /// The rate in rad/s by which amplitude and phase are said behind the states.
-    phase_rate: Option<f64>,
-    /// What predicts zero phases, and from when on in s.
-    predictor: Option<(PhasePredictor, f64)>,
 }
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it: well below what
@@ -37,16 +29,7 @@ impl<'a, P: Plant> DrivenCourse<'a, P> {
         data: &'a DrivenSegment<'a>,
     ) -> Result<Self, AugmentationError> {
         let usual = plant.over(data.interval_s)?;
-        Ok(Self {
-            plant,
-            data,
-            noise_variance,
-            usual,
-            least: 1,
-            parts: None,
-            phase_rate: None,
-            predictor: None,
-        })
+        Ok(Self { plant, data, noise_variance, usual, least: 1, parts: None })
     }
 
     /// Likewise, by so many steps from sample to sample at least, each linearised where the one before has led: the prediction of a
@@ -54,42 +37,6 @@ impl<'a, P: Plant> DrivenCourse<'a, P> {
     pub fn in_steps(self, least: usize) -> Result<Self, AugmentationError> {
         let each = self.plant.over(self.data.interval_s / least as f64)?;
         Ok(Self { least, parts: Some((least, each)), ..self })
-    }
-
-    /// Likewise, where amplitude and phase are said behind the states, an angle and its rate first, by this rate of the motion
-    /// in rad/s.
-    #[must_use]
-    pub fn with_phase(self, rate: Option<f64>) -> Self {
-        Self { phase_rate: rate, ..self }
-    }
-
-    /// Likewise, where zero phases are predicted from this time in s on.
-    #[must_use]
-    pub fn predicting_phases(self, predictor: Option<PhasePredictor>, from_s: f64) -> Self {
-        Self { predictor: predictor.map(|predictor| (predictor, from_s)), ..self }
-    }
-
-    /// What predicts, at the end of the way.
-    pub fn into_phase_predictor(self) -> Option<PhasePredictor> {
-        self.predictor.map(|(predictor, _)| predictor)
-    }
-}
-
-/// A drive that goes on as a sine.
-struct ContinuedDrive<'a, P: Plant> {
-    plant: &'a P,
-    motion: &'a P::Motion,
-    sine: &'a Sine,
-    from_s: f64,
-    interval_s: f64,
-}
-
-impl<P: Plant> StatePropagation for ContinuedDrive<'_, P> {
-    fn step(&self, number: u32, with: &mut dyn FnMut(&dyn Transition)) {
-        let at = |step: f64| self.from_s + step * self.interval_s;
-        let step = f64::from(number);
-        let nodes = SegmentDrive::nodes_from_sine(self.sine, at(step), at(step + 1.0));
-        with(&self.plant.under(self.motion, &nodes));
     }
 }
 
@@ -108,28 +55,6 @@ impl<P: Plant> Course for DrivenCourse<'_, P> {
 
     fn drive(&self, k: usize) -> Option<f64> {
         Some(self.data.drive.sample(k).0)
-    }
-
-    fn derived(&self) -> Option<DerivedQuantities> {
-        self.phase_rate.map(DerivedQuantities::amplitude_and_phase)
-    }
-
-    fn predict_phases(&mut self, filter: &dyn Filtering, k: usize) {
-        let Self { plant, data, usual, predictor, .. } = self;
-        let (plant, data) = (*plant, *data);
-        let Some((predictor, from_s)) = predictor else { return };
-        let time_s = data.time_s[k];
-        if time_s < *from_s {
-            return;
-        }
-        let sine = data.drive.continuation(k).filter(|sine| {
-            let strayed = (data.drive.volts()[k] - sine.at(time_s)) / sine.amplitude;
-            predictor.follows(strayed, sine.residual_rms / sine.amplitude)
-        });
-        let interval_s = data.interval_s;
-        let coming =
-            sine.map(|sine| ContinuedDrive { plant, motion: usual, sine, from_s: time_s, interval_s });
-        filter.predict_phases(predictor, time_s, coming.as_ref().map(|coming| coming as _));
     }
 
     fn advance(

@@ -11,7 +11,7 @@ mod turning_gain;
 pub use course::{DrivenCourse, HYBRID_STEPS};
 pub use drive::{BLOCK, DrivePast, InterpolationLag, SegmentDrive};
 pub use models::{ParameterPlaces, combinations, shifted, side_by_side};
-pub use parameters::{OfMotion, ParameterAugmentedStep, ParameterStep, ParametricReadout};
+pub use parameters::{ParameterAugmentedStep, ParameterStep, ParametricReadout};
 pub use plant::{ByEuler, PlainModel, Plant, WithParameters, step};
 pub use segment::DrivenSegment;
 pub use turning_gain::{SteadySwing, TurningGain};

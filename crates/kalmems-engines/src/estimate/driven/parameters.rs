@@ -2,7 +2,7 @@
 
 use crate::estimate::{DeviceParameter, MOST_STATES, Sensor, Tracked, Transition};
 use kalmems_core::augmentation::{AddedState, AugmentationError, ParametricMeasurement};
-use kalmems_core::{Dual, Measurement, Parameters, Process, ProcessNoise};
+use kalmems_core::{Dual, Parameters, Process, ProcessNoise};
 
 /// The most parameters that a filter can have as states: of a motion with more there is no filter, which is refused before
 /// any step.
@@ -203,25 +203,6 @@ impl<H: ParametricMeasurement<f64, M, 1>, const M: usize> Sensor for ParametricR
         for first in (0..x.len()).step_by(AT_ONCE) {
             y = self.columns::<AT_ONCE>(x, first, slopes);
         }
-        y
-    }
-}
-
-/// A readout of the first `M` states alone, whatever is behind them.
-pub struct OfMotion<H, const M: usize>(pub H);
-
-impl<H: Measurement<f64, M, 1>, const M: usize> Sensor for OfMotion<H, M> {
-    #[inline(never)]
-    fn read(&self, x: &[f64]) -> f64 {
-        let [y] = self.0.predict(&std::array::from_fn(|i| x[i]));
-        y
-    }
-
-    #[inline(never)]
-    fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64 {
-        let ([y], jacobian) = self.0.linearize(&std::array::from_fn(|i| x[i]));
-        slopes.fill(0.0);
-        slopes[..M].copy_from_slice(&jacobian.0[0]);
         y
     }
 }

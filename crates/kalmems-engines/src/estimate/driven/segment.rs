@@ -2,8 +2,8 @@
 
 use super::SegmentDrive;
 use crate::estimate::{
-    AngleAxis, EstimateError, LockInWindows, MotionRate, Past, SampleSelection, SegmentEstimate,
-    SignalSegment, Trajectory,
+    AngleAxis, EstimateError, LockInWindows, Past, SampleSelection, SegmentEstimate, SignalSegment,
+    Trajectory,
 };
 use crate::progress::{Interruption, Progress};
 use crate::units::kind;
@@ -60,14 +60,6 @@ impl<'a> DrivenSegment<'a> {
         Ok(Self { time_s: &segment.time_s, signal, drive, interval_s, samples, start_s })
     }
 
-    /// How fast a device moves that is driven at twice its frequency: at half that of a steady drive, else at its own.
-    pub fn motion(&self, natural_hz: f64) -> MotionRate {
-        match self.drive.sine() {
-            Some(sine) => MotionRate { frequency_hz: sine.frequency_hz / 2.0, is_driven: true },
-            None => MotionRate { frequency_hz: natural_hz, is_driven: false },
-        }
-    }
-
     /// Its samples as a lock-in takes them that has windows of this length in s, with these signals, such as its own.
     pub fn windows<'b>(&'b self, signals: &'b [&'b [f64]], length_s: f64) -> LockInWindows<'b> {
         LockInWindows {
@@ -82,12 +74,6 @@ impl<'a> DrivenSegment<'a> {
     /// The end of the settling time in s.
     pub fn scored_from(&self, skip_s: f64) -> f64 {
         self.start_s + skip_s
-    }
-
-    /// The first drive peak after the settling time; the end of the settling time where there is none.
-    pub fn first_drive_peak(&self, skip_s: f64) -> f64 {
-        let start = self.scored_from(skip_s);
-        self.drive.first_sine().map_or(start, |sine| sine.peak_after(start))
     }
 }
 

@@ -8,13 +8,15 @@ pub use circuit::{
 };
 pub use second_axis::SecondAxis;
 
-use crate::config::DeviceDescription;
+use super::equations;
+use super::settings::{LONGEST_DELAY_RAD, ScannerHardware};
 use crate::config::Quantity;
 use crate::config::kinds::{
     Angle, Capacitance, Frequency, Inertia, Stiffness, Time, TorsionalDamping, Voltage,
     VoltagePerCapacitance, VoltageVariance,
 };
 use crate::config::noise_schema;
+use crate::config::{DeviceDescription, Key, OtherTerms};
 use crate::config::{NotNegative, NotZero, Positive};
 use schemars::JsonSchema;
 use serde::de::Error;
@@ -43,6 +45,28 @@ pub struct SharedScanner {
 impl DeviceDescription for SharedScanner {
     const NAME: &'static str = "shared_scanner";
     const SUMMARY: &'static str = "A scanner whose comb drives and senses at once.";
+
+    fn in_other_terms(&self) -> Result<Option<OtherTerms>, (Key, String)> {
+        if self.second_axis.is_some() {
+            return Ok(None);
+        }
+        let meant = equations::in_other_terms(self);
+        meant.map(Some).map_err(|error| (Key::from("device.shared_scanner"), error.to_string()))
+    }
+
+    fn check(&self) -> Result<(), (Key, String)> {
+        let ScannerHardware { scanner, delay_s, .. } = ScannerHardware::of_table(self);
+        let longest_s = LONGEST_DELAY_RAD / scanner.resonator.natural_rate();
+        if delay_s <= longest_s {
+            return Ok(());
+        }
+        let why = format!(
+            "filters read the angle that was by the motion that is, up to an eighth of a cycle back; write at most `{:.2} us`",
+            longest_s * 1e6
+        );
+        let key = ["shared_scanner", "readout", "delay"].into_iter().fold(Key::from("device"), Key::child);
+        Err((key, why))
+    }
 }
 
 /// A rotating mass on a torsional spring.

@@ -13,8 +13,8 @@ use driven::Driven;
 pub use observability::CycleBound;
 use std::f64::consts::TAU;
 
-/// Device, drive and what the signal will tell.
-pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
+/// Device, drive and what the signal will tell, before what the equations say.
+pub fn outlook(experiment: &Experiment, of_equations: Outlook) -> Result<Outlook, SimulateError> {
     let hardware = ScannerHardware::of(experiment)?;
     let stated =
         experiment.simulate.as_ref().map(|simulate| expected_drive(experiment, simulate)).transpose()?;
@@ -50,6 +50,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     let own = driven.as_ref().and_then(|driven| driven.amplitude);
     topics.push(signal(&hardware, own, drive.as_ref(), rate, is_given));
     topics.extend(model::of_the_circuit(experiment, &hardware, drive.as_ref())?);
+    topics.extend(of_equations.topics);
     let amplitudes = (4..=80).map(|k| (0.25 * f64::from(k)).to_radians());
     Ok(Outlook {
         information: amplitudes
@@ -62,7 +63,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
             .collect(),
         response: driven.as_ref().and_then(|driven| driven.response.clone()),
         start: driven.and_then(|driven| driven.start),
-        ..Outlook::of(experiment, "shared_scanner", topics)
+        ..Outlook::of(experiment, of_equations.device, topics)
     })
 }
 

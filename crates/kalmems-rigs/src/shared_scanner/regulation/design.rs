@@ -1,11 +1,11 @@
 //! From the file to a regulator: the motion that is wanted, its gains and its margins.
 
-use super::super::filters::ScannerFilterSettings;
 use super::super::settings::{ScannerHardware, estimate_table, state_at};
 use super::drift::TemperatureDrift;
+use super::filter::ObserverFilter;
 use super::observer::RegulationObserver;
 use crate::config::{
-    ConfigError, ConfigFault, DriveSource, Experiment, Key, Method, Quantity, RegulatedDrive, Simulate,
+    ConfigError, ConfigFault, DriveSource, Experiment, Key, Quantity, RegulatedDrive, Simulate,
     TriggerDirection,
 };
 use crate::shared_scanner::device::SharedScanner;
@@ -24,7 +24,7 @@ pub struct Regulation {
     /// The device as the file has it.
     pub(super) hardware: ScannerHardware,
     /// The filter that observes.
-    pub(super) filter: ScannerFilterSettings,
+    pub(super) filter: ObserverFilter,
     /// The motion that is wanted, and how it answers.
     pub motion: RegulatedMotion,
     /// What the regulator goes by.
@@ -81,27 +81,7 @@ impl Regulation {
             );
             return wrong(at("filter"), why);
         };
-        let filter = ScannerFilterSettings::of(experiment, estimate, &hardware, index)?;
-        if filter.basics.method != Method::Ekf
-            || filter.demodulator_sd.is_some()
-            || filter.basics.tracked.len() > MOST
-            || !filter.basics.readout.is_empty()
-        {
-            let why = format!(
-                "`{}` cannot observe in the loop; expected the method `ekf` without `demodulator` and with at most {MOST} \
-                 parameters in `states`",
-                regulated.filter
-            );
-            return wrong(at("filter"), why);
-        }
-        if filter.by_batch {
-            let why = format!(
-                "`{}` finds its start from recorded samples, and in the loop there are none; state `start_sd`, such as \
-                 `{{ angle = \"0.05 rad\", rate = \"1000 rad/s\" }}`",
-                regulated.filter
-            );
-            return wrong(at("filter"), why);
-        }
+        let filter = ObserverFilter::of(experiment, estimate, &hardware, (index, at("filter")))?;
         let offset = regulated.offset.si();
         let wanted = (regulated.amplitude.si(), regulated.phase.as_ref().map_or(0.0, Quantity::si));
         let voltage =

@@ -6,6 +6,7 @@
 
 mod design;
 mod drift;
+mod filter;
 mod observer;
 mod papers;
 mod report;

@@ -1,16 +1,15 @@
 //! The filter that observes the scanner while it runs.
 
-use super::super::filters::ScannerFilterSettings;
-use super::super::lock_in::amplitude_of;
-use super::super::plant::drive_gain;
+use super::super::line::amplitude_of;
 use super::super::settings::ScannerHardware;
 use super::design::MOST;
+use super::filter::ObserverFilter;
 use crate::estimate::DeviceParameter;
 use crate::estimate::driven::step;
 use kalmems_core::Portable;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{
-    AddedState, Augmented, AugmentedMeasurement, Covariance, Drift, Ekf, Etdrk4, Filter, Nodes,
+    AddedState, Augmented, AugmentedMeasurement, Covariance, Drift, Ekf, Etdrk4, Filter, Nodes, NoiseDensity,
 };
 use kalmems_models::control::{Complex, Oscillator};
 use kalmems_models::dynamics::DriveGain;
@@ -72,7 +71,7 @@ impl RegulationObserver {
     /// Before the first sample, at this interval; it starts from motions of at least this amplitude in rad.
     pub fn new(
         hardware: &ScannerHardware,
-        filter: &ScannerFilterSettings,
+        filter: &ObserverFilter,
         interval_s: f64,
         least_amplitude: f64,
     ) -> Result<Self, AugmentationError> {
@@ -82,7 +81,8 @@ impl RegulationObserver {
         let enters = |place: fn(&DeviceParameter) -> Option<&'static str>| {
             std::array::from_fn(|i| tracked.get(i).and_then(|tracked| place(tracked.parameter)))
         };
-        let (dynamics, noise) = drive_gain(hardware, filter);
+        let dynamics = DriveGain { scanner: hardware.scanner, drive_gain: 1.0 };
+        let noise = NoiseDensity::none().on::<1>(filter.acceleration_density);
         let process = Augmented::new(
             step(dynamics, interval_s, &noise),
             &added,

@@ -6,12 +6,14 @@
 //! motion is calibrated by itself.
 
 mod band_plan;
+mod expanded;
 mod filters;
 pub(super) mod hardware;
 mod lock_in;
 mod outlook;
 mod plant;
 mod rig;
+mod run;
 mod segment;
 mod settings;
 mod simulation;

@@ -1,13 +1,15 @@
 //! The rig of a scanner with two axes.
 
+use super::expanded::expanded;
 use super::filters::{NOISE, STATES};
 use super::outlook::outlook;
 use super::segment::{WINDOW_S, estimate, first_tones, resonances_hz};
 use super::settings::TwoAxisSettings;
 use super::simulation::simulation;
 use super::tones::DriveTones;
-use crate::config::{ConfigError, DeviceKind, DeviceUses, Experiment, Method};
-use crate::estimate::driven::DrivenSegment;
+use crate::config::{ConfigError, DeviceKind, DeviceUses, Experiment, Key, Method, RecordingRole};
+use crate::equations::sign_after_restart;
+use crate::estimate::driven::{BLOCK, DrivenSegment, InterpolationLag};
 use crate::estimate::{
     AngleAxis, DeviceParameter, EstimateError, Past, RowsAround, SegmentEstimate, SegmentPart, SignalSegment,
     rows_for_start, rows_to_start_again,
@@ -16,7 +18,6 @@ use crate::outlook::Outlook;
 use crate::progress::{Progress, Silent};
 use crate::recording::{Finding, RecordingLayout, SampledRecording};
 use crate::shared_scanner::device::SharedScanner;
-use crate::shared_scanner::{STARTING_CYCLES, around_driven, columns, sign_after_restart, wanted};
 use crate::simulate::{SimulateError, Simulation};
 use crate::units::kind;
 use crate::{Estimator, Expansion, Rig, StateDensity, Template, TemplateChannel};
@@ -98,7 +99,7 @@ impl Rig for TwoAxesRig {
     }
 
     fn expanded(&self, experiment: &Experiment) -> Result<Expansion, ConfigError> {
-        super::super::expanded::expanded_two_axes(experiment)
+        expanded(experiment)
     }
 
     fn estimator<'a>(
@@ -198,4 +199,28 @@ impl Estimator for TwoAxesEstimator<'_> {
     fn conclude(&mut self, place: &str, diagnosis: &[Finding]) -> Result<(), EstimateError> {
         EstimateError::of_unusable_signal(diagnosis, (place, &[self.columns[1]]), |_| true)
     }
+}
+
+/// Cycles of the motion after the settling time in which a turning point tells its sign.
+const STARTING_CYCLES: f64 = 4.0;
+
+/// What the estimators of driven scanners need around the new rows: at first what shows the sine of the drive and the motion
+/// for this long in s.
+fn around_driven(interval_s: f64, start_s: f64, smooths: bool, lag: InterpolationLag) -> RowsAround {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+    let rows = (start_s / interval_s).ceil() as usize;
+    let (before, after) = lag.rows_around();
+    RowsAround { head: rows.max(BLOCK), before, after, smooths }
+}
+
+/// The recordings that are estimated, their channels checked.
+fn wanted(experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
+    experiment
+        .to_estimate(&[RecordingRole::Test, RecordingRole::SteadyState], |index| columns(experiment, index))
+}
+
+/// Those of drive and signal.
+fn columns(experiment: &Experiment, index: usize) -> Result<[&str; 2], ConfigError> {
+    let key = Key::from("recording").index(index).child("channels");
+    experiment.columns(key, &experiment.recording(index)?.channels, ["drive", "signal"])
 }

@@ -3,17 +3,17 @@
 use super::filters::{STATES, TwoAxisFilterSettings, TwoAxisStart};
 use super::lock_in::{LineError, separating_s, swings};
 use super::plant::{both, both_models, both_with};
+use super::run::{SearchAgain, TwoAxisFilterRun};
 use super::settings::TwoAxisSettings;
 use super::tones::{DriveTones, TwoSines};
 use crate::config::Method;
 use crate::estimate::driven::{ByEuler, DrivenCourse, DrivenSegment, Plant, SteadySwing, TurningGain};
 use crate::estimate::{
-    AnyFilter, BatchStart, Course, EstimateError, FilterPast, FilterSideOutputs, GainOf, MeanAndCovariance,
-    Past, SignalStart, StartSearch, StatePrior, StatedSign, Swing, Trajectory, lock_in, rows_to_start_again,
+    AnyFilter, BatchStart, Course, EstimateError, FilterPast, GainOf, MeanAndCovariance, Past, SignalStart,
+    StartSearch, StatePrior, StatedSign, Swing, Trajectory, lock_in, rows_to_start_again,
     start_again_from_signal, start_from_signal, with_the_sign_before,
 };
 use crate::progress::Progress;
-use crate::shared_scanner::segment::{ScannerFilterRun, SearchAgain};
 use kalmems_core::Covariance;
 use kalmems_core::augmentation::AugmentationError;
 use std::f64::consts::TAU;
@@ -113,7 +113,7 @@ impl TwoAxisFilterTask<'_> {
                 let (models, is_begun) = (both_models(hardware, filter), past.left().is_some());
                 let starts = models.iter().map(|model| self.batch_start(model, is_begun));
                 let follower =
-                    ScannerFilterRun { starts: starts.collect::<Result<_, _>>()?, ..self.follower() };
+                    TwoAxisFilterRun { starts: starts.collect::<Result<_, _>>()?, ..self.follower() };
                 follower.bank(&models, &filter.basics.states(&STATES), past, || Ok(self.given()))
             }
             Method::EulerEkf => self.run(&ByEuler(both(hardware, filter)), past),
@@ -227,14 +227,13 @@ impl TwoAxisFilterTask<'_> {
         }
     }
 
-    fn follower(&self) -> ScannerFilterRun<'_> {
+    fn follower(&self) -> TwoAxisFilterRun<'_> {
         let filter = &self.filter.basics;
         let noise_variance = self.settings.hardware.noise_variance;
-        ScannerFilterRun {
+        TwoAxisFilterRun {
             filter,
             data: self.data,
             noise_variance,
-            side_outputs: FilterSideOutputs::default(),
             progress: self.progress,
             starts: Vec::new(),
             again: self.start_again(),
