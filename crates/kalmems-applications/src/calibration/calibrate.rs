@@ -18,6 +18,7 @@ use super::quantities::RecordOutcome;
 use super::rates_record;
 use super::rest::{AxisAtRest, InertialSensor};
 use super::rest_record::{self, MeasuredRest};
+use super::sine_record;
 use super::temperature_record;
 use super::tone::{AXES, VibrationTone};
 use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference};
@@ -32,7 +33,7 @@ use realfft::num_complex::Complex64;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// Calibrates a gyroscope as its file says.
+/// Calibrates gyroscopes and accelerometers as their file says.
 pub fn calibrate(
     file: &GyroscopeCalibration,
     progress: &dyn Progress,
@@ -72,7 +73,9 @@ pub fn calibrate(
     let over_temperature = temperature_record::of_rates(file, &rates)?;
     records.extend(rates);
     records.extend(over_temperature);
+    records.extend(sine_record::measure(&mut files)?);
     records.extend(temperature_record::measure(&mut files)?);
+    records.iter_mut().for_each(|record| record.push_sensitivities(&file.gyroscope));
     let NamedFiles { sources, findings, .. } = files.named;
     let findings = findings.into_iter().map(|(file, finding)| format!("{file}: {finding}"));
     let comparisons = compared_references(&results);

@@ -30,7 +30,7 @@ pub enum CalibrationError {
     #[error(
         "record `{record}`: the gyroscope shows {shown_hz:.2} Hz by its nominal rate and {reference} {reference_hz:.2} Hz, \
          {off:+.3} % apart; expected within its `clock_tolerance` of {tolerance:.3} %: the records are of different motions \
-         (exchange the file or `records`), or `gyroscope.rate` is not its nominal rate, or the tolerance is too small"
+         (exchange the file or `records`), or `rate` is not its nominal rate, or the tolerance is too small"
     )]
     Frequencies {
         /// The record.

@@ -6,7 +6,8 @@ use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference,
 use crate::config::{Channels, ConfigFault, Key};
 use crate::estimate::EstimateError;
 use crate::named_files::{NamedFileError, NamedFiles};
-use crate::recording::{Instant, RecordingLayout, SampledRecording, Segment, moved_by};
+use crate::recording::{Finding, Instant, RecordingLayout, SampledRecording, Segment, moved_by};
+use crate::recording::{Stretch, StretchSize};
 use crate::units::{Kind, Unit, kind};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -182,10 +183,27 @@ impl InputFiles<'_> {
         path: &Path,
         layout: &RecordingLayout,
     ) -> Result<SampledRecording, CalibrationError> {
-        self.named.read(path, layout).map_err(|error| match error {
+        self.named.read(path, layout).map_err(|error| self.not_read(key, error))
+    }
+
+    /// Reads a file of any length in parts and remembers it; with what was found in it.
+    pub fn read_in_parts(
+        &mut self,
+        key: Key,
+        path: &Path,
+        layout: &RecordingLayout,
+        size: StretchSize,
+        take: impl FnMut(&Stretch),
+    ) -> Result<Vec<Finding>, CalibrationError> {
+        let found = self.named.read_in_parts(path, layout, size, take);
+        found.map_err(|error| self.not_read(key, error))
+    }
+
+    fn not_read(&self, key: Key, error: NamedFileError) -> CalibrationError {
+        match error {
             NamedFileError::Missing(why) => self.file.error(key, ConfigFault::Value { why }).into(),
             NamedFileError::Read(error) => error.into(),
-        })
+        }
     }
 }
 
@@ -200,14 +218,21 @@ pub(super) fn require_usable(
     segment: &Segment,
     columns: &[&str],
 ) -> Result<(), CalibrationError> {
-    let file = &recording.source().file;
-    let place = match segment.label.as_str() {
-        "" => file.clone(),
+    require_usable_record(recording.diagnosis(), &recording.source().file, &segment.label, columns)
+}
+
+/// The same of a record that was read in parts, by what was found in its file.
+pub(super) fn require_usable_record(
+    diagnosis: &[Finding],
+    file: &str,
+    record: &str,
+    columns: &[&str],
+) -> Result<(), CalibrationError> {
+    let place = match record {
+        "" => file.to_owned(),
         label => format!("{file}, record `{label}`"),
     };
-    EstimateError::of_unusable_signal(recording.diagnosis(), (&place, columns), |label| {
-        label == segment.label
-    })?;
+    EstimateError::of_unusable_signal(diagnosis, (&place, columns), |label| label == record)?;
     Ok(())
 }
 

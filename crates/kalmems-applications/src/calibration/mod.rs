@@ -35,10 +35,12 @@ mod quantities;
 mod rates_record;
 mod rest;
 mod rest_record;
+mod rest_samples;
 mod rest_spectrum;
 #[cfg(feature = "report")]
 mod results;
 mod simulated;
+mod sine_record;
 mod still;
 mod stretches;
 mod temperature_record;
@@ -53,7 +55,7 @@ pub use comparison::ReferenceComparison;
 pub use error::CalibrationError;
 pub use file::{
     CertificateDetails, Condition, GyroscopeCalibration, InertialUnit, MonteCarlo, MotionReference,
-    PositionsRecord, RatesRecord, RestRecord, StatedUncertainty, TableAxis, TemperatureRecord,
+    PositionsRecord, RatesRecord, RestRecord, SineRecord, StatedUncertainty, TableAxis, TemperatureRecord,
 };
 pub use matrix::{CalibrationMatrix, LeaveOneOut, RatePair, Repeatability};
 pub use noise_fit::{NoFit, NoiseFit};
@@ -68,6 +70,7 @@ pub use quantities::{
     CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome, TemperaturePolynomial,
 };
 pub use rest::{AxisAtRest, BiasMethod, InertialSensor, NoiseTerm};
+pub use rest_samples::RestSamples;
 #[cfg(feature = "report")]
 pub use results::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};
 pub use simulated::{SimulatedInstrument, SimulatedUnit, Vibration};

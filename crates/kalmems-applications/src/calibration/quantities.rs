@@ -1,5 +1,6 @@
 //! What a record of a unit determines, in the shape that tables, JSON and the certificate share.
 
+use super::file::InertialUnit;
 use super::outcome::UncertainEstimate;
 use crate::config::kinds::KindOf;
 use crate::metrology::{Budget, Distribution, Evaluation, Input, StandardUncertainty};
@@ -145,6 +146,39 @@ impl RecordOutcome {
             not_observed: Vec::new(),
             warnings: Vec::new(),
             not_stated: Vec::new(),
+        }
+    }
+
+    /// Adds the scale factors of sensors that give codes of a converter as codes by the unit: the stated sensitivity times the scale factor.
+    pub(super) fn push_sensitivities(&mut self, unit: &InertialUnit) {
+        let each = [
+            (unit.channels.as_ref(), QuantityUnit::other("LSB/(rad/s)", 1.0_f64.to_radians(), "LSB/(deg/s)")),
+            (unit.accelerometers.as_ref(), QuantityUnit::other("LSB/(m/s^2)", STANDARD_GRAVITY, "LSB/gn")),
+        ];
+        for (place, (channels, shown)) in each.into_iter().enumerate() {
+            let choices = channels.into_iter().flat_map(|channels| channels.choices());
+            for (axis, choice) in choices.filter(|(_, choice)| choice.sensitivity().is_some()) {
+                let Some(scale) = choice.reading().and_then(|reading| reading.scale.as_ref()) else {
+                    continue;
+                };
+                let is_of = |name: &str| {
+                    let (sensor, rest) = name.split_once("scale_factor_").unwrap_or((name, ""));
+                    let is_force = sensor == "accelerometer_";
+                    let is_axis =
+                        rest == axis || rest.strip_prefix(axis).is_some_and(|rest| rest.starts_with("_at_"));
+                    is_axis && is_force == (place == 1)
+                };
+                let factors: Vec<CalibratedQuantity> =
+                    self.quantities.iter().filter(|own| is_of(&own.name)).cloned().collect();
+                for CalibratedQuantity { name, estimate, mut budget, .. } in factors {
+                    let by = scale.si().recip();
+                    for input in &mut budget {
+                        input.standard_uncertainty *= by.abs();
+                    }
+                    let name = name.replace("scale_factor", "sensitivity");
+                    self.push_known(name, shown, by * estimate.value, budget);
+                }
+            }
         }
     }
 
