@@ -142,6 +142,21 @@ pub enum CalibrationError {
         /// The shortest step in s.
         shortest_s: f64,
     },
+    /// A record of turns has too few of them.
+    #[error(
+        "{place}: found {found} turns with a rest of {shortest_s} s or longer before and after; expected at least {expected}: rest longer between them, or state \
+         a shorter time as `shortest`"
+    )]
+    Turns {
+        /// The record, as the calibration file names it.
+        place: String,
+        /// How many were found.
+        found: usize,
+        /// The fewest that suffice.
+        expected: usize,
+        /// The shortest rest in s.
+        shortest_s: f64,
+    },
     /// The record at rest is too short.
     #[error("{place}: found {samples} samples with a number; expected at least 64 without motion")]
     Rest {

@@ -2,7 +2,9 @@
 
 use super::error::CalibrationError;
 use super::tone::{AXES, AxisSignals};
-use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference, is_per_record};
+use crate::calibration::file::{
+    Condition, GyroscopeCalibration, InertialUnit, MotionReference, is_per_record,
+};
 use crate::config::{Channels, ConfigFault, Key};
 use crate::estimate::EstimateError;
 use crate::named_files::{NamedFileError, NamedFiles};
@@ -234,6 +236,20 @@ pub(super) fn require_usable_record(
     };
     EstimateError::of_unusable_signal(diagnosis, (&place, columns), |label| label == record)?;
     Ok(())
+}
+
+/// Refuses rates at or beyond the full scale, where that is stated.
+pub(super) fn require_within(
+    unit: &InertialUnit,
+    values: &[f64],
+    (place, column): (&str, &str),
+) -> Result<(), CalibrationError> {
+    let limit = unit.full_scale.as_ref().map_or(f64::INFINITY, |full| full.si() * (1.0 - 1e-9));
+    let count = values.iter().filter(|value| value.abs() >= limit).count();
+    if count == 0 {
+        return Ok(());
+    }
+    Err(EstimateError::Clipped { place: place.to_owned(), column: column.to_owned(), count }.into())
 }
 
 /// The bytes of a file among which its names of columns are looked for.

@@ -11,7 +11,7 @@ mod centre;
 mod certificate;
 mod comparison;
 #[cfg(feature = "report")]
-mod compensation_header;
+mod compensation_sources;
 mod cross_check;
 mod error;
 mod file;
@@ -34,6 +34,7 @@ mod positions_record;
 mod quantities;
 mod rates_record;
 mod rest;
+mod rest_lines;
 mod rest_record;
 mod rest_samples;
 mod rest_spectrum;
@@ -45,6 +46,7 @@ mod still;
 mod stretches;
 mod temperature_record;
 mod tone;
+mod turns_record;
 mod unit_record;
 
 pub use calibrate::calibrate;
@@ -56,6 +58,7 @@ pub use error::CalibrationError;
 pub use file::{
     CertificateDetails, Condition, GyroscopeCalibration, InertialUnit, MonteCarlo, MotionReference,
     PositionsRecord, RatesRecord, RestRecord, SineRecord, StatedUncertainty, TableAxis, TemperatureRecord,
+    TurnsRecord,
 };
 pub use matrix::{CalibrationMatrix, LeaveOneOut, RatePair, Repeatability};
 pub use noise_fit::{NoFit, NoiseFit};

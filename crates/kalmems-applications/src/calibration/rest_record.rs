@@ -1,18 +1,22 @@
 //! The records at rest of a calibration file: read in parts, divided at their gaps, and looked at for motion.
 
 use super::error::CalibrationError;
-use super::file::{RestRecord, is_per_record};
-use super::files::{InputFiles, columns, require_usable_record};
+use super::file::{InertialUnit, RestRecord, is_per_record};
+use super::files::{InputFiles, columns, require_usable_record, require_within};
 use super::motion::{RestMotion, motions};
 use super::rest::{AxisAtRest, InertialSensor};
+use super::rest_lines::RestLines;
 use super::rest_samples::RestSamples;
 use super::rest_spectrum::{RestLine, RestSpectrum};
 use super::stretches::{MissingBefore, StretchFinder};
 use super::tone::AXES;
 use super::unit_record::{RecordOfUnit, irregular, off_nominal};
 use crate::config::{Clock, Key};
-use crate::recording::{Stretch, StretchSize};
+use crate::estimate::EstimateError;
+use crate::recording::{Finding, FindingKind, Stretch, StretchSize};
 use crate::units::{Kind, kind};
+use std::borrow::Cow;
+use std::ops::Range;
 use std::path::Path;
 
 /// Rows that are read at a time, and rows around them among which the earliest times of bursts are looked for.
@@ -33,13 +37,20 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<MeasuredRest, Calibratio
     let file = files.file;
     let Some(rest) = &file.rest else { return Ok(MeasuredRest::default()) };
     let mut reading = RestReading::of(rest, rest.of_unit(&file.gyroscope));
-    let names = rest.records.clone().unwrap_or_default();
-    if is_per_record(&rest.file) {
-        for name in &names {
-            reading.read(files, &file.resolve(&rest.file, name), None)?;
+    reading.read_all(files, rest)?;
+    if rest.subtract_lines {
+        let of = |channel: &RestChannel| {
+            RestSpectrum::of(channel.samples.longest()).map_or_else(Vec::new, |found| found.lines())
+        };
+        let lines: Vec<RestLines> =
+            reading.channels.iter().map(|channel| RestLines::of(of(channel))).collect();
+        if lines.iter().any(|lines| !lines.is_empty()) {
+            reading = RestReading::of(rest, rest.of_unit(&file.gyroscope));
+            for (channel, lines) in reading.channels.iter_mut().zip(lines) {
+                channel.samples.lines = lines;
+            }
+            reading.read_all(files, rest)?;
         }
-    } else {
-        reading.read(files, &file.resolve(&rest.file, ""), rest.records.as_deref())?;
     }
     let interval_s = reading.interval_sum_s / reading.rows;
     let mut found = MeasuredRest { remarks: reading.remarks, ..MeasuredRest::default() };
@@ -66,6 +77,8 @@ struct RestReading<'a> {
     /// The stretches of the present record by its times, and its name.
     finder: Option<StretchFinder>,
     labels: Vec<String>,
+    /// Samples of the present record, missing ones included.
+    place: f64,
     /// The interval of the samples in s, summed up over the rows, as that of a longer record is known better.
     interval_sum_s: f64,
     rows: f64,
@@ -90,10 +103,20 @@ impl<'a> RestReading<'a> {
             record,
             finder: None,
             labels: Vec::new(),
+            place: 0.0,
             interval_sum_s: 0.0,
             rows: 0.0,
             remarks: Vec::new(),
         }
+    }
+
+    fn read_all(&mut self, files: &mut InputFiles, rest: &RestRecord) -> Result<(), CalibrationError> {
+        let file = files.file;
+        if !is_per_record(&rest.file) {
+            return self.read(files, &file.resolve(&rest.file, ""), rest.records.as_deref());
+        }
+        let names = rest.records.iter().flatten();
+        names.into_iter().try_for_each(|name| self.read(files, &file.resolve(&rest.file, name), None))
     }
 
     /// Reads a file: all its records, or those of these names.
@@ -112,7 +135,7 @@ impl<'a> RestReading<'a> {
         let found = files.read_in_parts(Key::from("rest").child("file"), path, &layout, size, |stretch| {
             file.clone_from(&stretch.recording.source().file);
             if failed.is_none() {
-                failed = self.take(stretch, wanted).err();
+                failed = self.take(unit, stretch, wanted).err();
             }
         })?;
         if let Some(error) = failed {
@@ -126,13 +149,28 @@ impl<'a> RestReading<'a> {
         let used = [columns(self.record.channels), columns(self.record.accelerometers)].concat();
         for label in self.labels.iter().filter(|label| is_wanted(label)) {
             require_usable_record(&found, &file, label, &used)?;
+            // Of noise about a mean a part beyond the range is no gap: what is left has another mean.
+            let beyond = found.iter().find(|finding| {
+                finding.kind == FindingKind::Overload
+                    && finding.column.as_deref().is_some_and(|column| used.contains(&column))
+                    && finding.segment.as_ref().is_none_or(|segment| segment == label)
+            });
+            if let Some(Finding { column, count, .. }) = beyond {
+                let (place, column) = (file.clone(), column.clone().unwrap_or_default());
+                return Err(EstimateError::Clipped { place, column, count: *count }.into());
+            }
         }
         let interval_s = (self.interval_sum_s - before.0) / (self.rows - before.1);
         self.remarks.extend(off_nominal(&file, interval_s, unit, self.record.clock));
         Ok(())
     }
 
-    fn take(&mut self, stretch: &Stretch, wanted: Option<&[String]>) -> Result<(), CalibrationError> {
+    fn take(
+        &mut self,
+        unit: &InertialUnit,
+        stretch: &Stretch,
+        wanted: Option<&[String]>,
+    ) -> Result<(), CalibrationError> {
         let recording = &stretch.recording;
         let [segment] = recording.segments() else { return Ok(()) };
         if stretch.begins {
@@ -152,12 +190,21 @@ impl<'a> RestReading<'a> {
                 missing = finder.take(&time_s, fresh.clone());
             }
         }
+        let places = self.places(&fresh, &missing);
         for channel in &mut self.channels {
             let kind: &Kind = match channel.sensor {
                 InertialSensor::Gyroscope => &kind::ANGULAR_RATE,
                 InertialSensor::Accelerometer => &kind::ACCELERATION,
             };
-            let values = recording.column_of(channel.column, kind)?.of(segment);
+            let mut values = Cow::Borrowed(recording.column_of(channel.column, kind)?.of(segment));
+            if channel.sensor == InertialSensor::Gyroscope {
+                require_within(unit, &values, (&recording.source().file, channel.column))?;
+            }
+            if !channel.samples.lines.is_empty()
+                && let Some(fresh) = values.to_mut().get_mut(fresh.clone())
+            {
+                channel.samples.lines.subtract(&places, fresh);
+            }
             let mut from = fresh.start;
             let end = MissingBefore { row: fresh.end, samples: 0 };
             for MissingBefore { row, samples } in missing.iter().copied().chain([end]) {
@@ -171,6 +218,9 @@ impl<'a> RestReading<'a> {
             if stretch.ends {
                 channel.samples.end_record();
             }
+        }
+        if stretch.ends {
+            self.place = 0.0;
         }
         let rows = fresh.len() as f64;
         self.rows += rows;
@@ -186,6 +236,19 @@ impl<'a> RestReading<'a> {
             self.remarks.extend(irregular(&recording.source().file, &segment.label, &found));
         }
         Ok(())
+    }
+}
+
+impl RestReading<'_> {
+    /// The places of the next rows in their record, in samples.
+    fn places(&mut self, fresh: &Range<usize>, missing: &[MissingBefore]) -> Vec<f64> {
+        let mut missing = missing.iter().peekable();
+        let each = fresh.clone().map(|row| {
+            let gap = missing.next_if(|gap| gap.row == row).map_or(0, |gap| gap.samples);
+            self.place += (1 + gap) as f64;
+            self.place - 1.0
+        });
+        each.collect()
     }
 }
 
@@ -214,6 +277,18 @@ impl MeasuredRest {
             lines: lines.map(|line| [line.frequency / interval_s, line.amplitude]).collect(),
             ..found
         };
+        if let [first, ..] = &found.subtracted[..] {
+            remarks.push(format!(
+                "{place}: {} of its spectrum were fitted by sines and subtracted, the largest {:.3e} {} at {:.6} Hz.",
+                match found.subtracted.len() {
+                    1 => "one line".to_owned(),
+                    several => format!("{several} lines"),
+                },
+                first[1],
+                sensor.unit(),
+                first[0]
+            ));
+        }
         for motion in motions(&samples, spectrum.as_ref()) {
             let said = describe(&motion, interval_s, sensor.unit());
             self.motions.push(format!("{place}: the record is called one at rest, and {said}"));

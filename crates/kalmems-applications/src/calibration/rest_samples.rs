@@ -1,5 +1,6 @@
 //! The samples of a channel at rest, taken part by part in bounded memory.
 
+use super::rest_lines::RestLines;
 use super::rest_spectrum::LONGEST;
 use crate::signal::OctaveSums;
 
@@ -78,6 +79,8 @@ impl Piece {
 #[derive(Default)]
 pub struct RestSamples {
     pub(super) sums: OctaveSums,
+    /// Lines that were taken off before.
+    pub(super) lines: RestLines,
     /// 128 pieces at most, all but the last of one length.
     pieces: Vec<Piece>,
     length: usize,
@@ -128,6 +131,7 @@ impl RestSamples {
     /// What comes next is another record.
     pub fn end_record(&mut self) {
         self.sums.end_stretch();
+        self.lines.end_record();
         self.end_run();
         self.missing = None;
     }

@@ -1,7 +1,7 @@
 //! Reading a file of the unit: its channels, divided at the gaps.
 
 use super::error::CalibrationError;
-use super::files::{InputFiles, columns, require_usable};
+use super::files::{InputFiles, columns, require_usable, require_within};
 use super::stretches::{RecordStretches, stretches};
 use super::tone::AXES;
 use crate::calibration::file::InertialUnit;
@@ -87,6 +87,10 @@ impl<'a> RecordOfUnit<'a> {
             }
             Ok(axes)
         };
+        let rates = axes(self.channels, &kind::ANGULAR_RATE)?;
+        for column in rates.iter().flatten() {
+            require_within(unit, &recording.column(column)?.values, (&recording.source().file, column))?;
+        }
         let further = match self.further {
             Some((_, column, kind)) => {
                 recording.column_of(column.name(), kind)?;
@@ -96,7 +100,7 @@ impl<'a> RecordOfUnit<'a> {
         };
         Ok(UnitSamples {
             place: path.display().to_string(),
-            rates: axes(self.channels, &kind::ANGULAR_RATE)?,
+            rates,
             forces: axes(self.accelerometers, &kind::ACCELERATION)?,
             further,
             recording,

@@ -10,3 +10,4 @@ mod refusals;
 mod simulated;
 mod sine;
 mod temperature;
+mod turns;

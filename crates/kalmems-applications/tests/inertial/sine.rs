@@ -13,7 +13,7 @@ use std::fs;
 /// Codes of a converter, 16384 of which are stated to be 1 gn.
 const FILE: &str = "name = \"shaker\"\n[sensor]\nrate = \"5 kHz\"\n\
     accelerometers = { x = { column = \"ax\", sensitivity = \"16384 LSB/gn\" } }\n\
-    [[sine]]\nname = \"x\"\nsensor = \"accelerometer\"\naxis = \"x\"\nfile = \"shaker.csv\"\nreference = \"reference_mps2\"\n\
+    [[sine]]\nname = \"x\"\nsensor = \"accelerometer\"\naxis = \"x\"\nfile = \"shaker.csv\"\nreference = \"reference_m_per_s2\"\n\
     segments = { column = \"step\" }\n";
 const STATED: &str = "reference_uncertainty = \"0.2 %\"\ndelay_uncertainty = \"2 us\"\n";
 const GRAVITY: f64 = 9.806_65;
@@ -49,7 +49,7 @@ impl Shaken {
 
     fn write(&self, path: &std::path::Path, seed: u64) {
         let mut noise = Noise::new(seed);
-        let mut text = "step,reference_mps2,ax\n".to_owned();
+        let mut text = "step,reference_m_per_s2,ax\n".to_owned();
         for step in 0..FREQUENCIES.len() * REPEATED {
             let frequency = FREQUENCIES[step / REPEATED];
             let (gain, lag) = self.response(frequency);

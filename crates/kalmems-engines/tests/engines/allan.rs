@@ -196,6 +196,43 @@ fn octaves_are_those_of_allantools() {
     }
 }
 
+/// Prints what 10⁸ samples take, and asserts the memory of the whole process.
+#[cfg(target_os = "linux")]
+#[test]
+#[ignore = "10⁸ samples; cargo test --workspace --test engines -- --ignored slow_octaves --nocapture"]
+fn slow_octaves_of_a_hundred_million_samples_take_less_than_100_mb() {
+    let processor_s = || {
+        let times = fs::read_to_string("/proc/thread-self/schedstat").unwrap();
+        times.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9
+    };
+    let (mut sums, mut state, mut making_s) = (OctaveSums::default(), 1_234_567_890_u64, 0.0);
+    let mut part = vec![0.0; 1 << 16];
+    let begin = processor_s();
+    for _ in 0..1526 {
+        let before = processor_s();
+        for value in &mut part {
+            *value = state as f64 / 2_147_483_647.0;
+            state = state * 16_807 % 2_147_483_647;
+        }
+        making_s += processor_s() - before;
+        sums.push(&part);
+    }
+    sums.end_stretch();
+    let found = Deviation::Overlapping.with_confidence(&sums, 1.0, 0.95, |_| Some(0));
+    println!("{:.2} s of processor time without that for the numbers", processor_s() - begin - making_s);
+    // The numbers are uniform: their variance is 1/12, and that of means of m is 1/12m.
+    for found in found.iter().filter(|found| found.averaged.factor <= 1 << 16) {
+        let AllanDeviation { factor, deviation, .. } = found.averaged;
+        let off = deviation * (12.0 * factor as f64).sqrt() - 1.0;
+        assert!(off.abs() < 5.0 / (2.0 * found.freedom).sqrt(), "{found:?}");
+    }
+    let status = fs::read_to_string("/proc/self/status").unwrap();
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap().trim();
+    println!("{peak} at most");
+    let kilobytes: f64 = peak.trim_end_matches(" kB").parse().unwrap();
+    assert!(kilobytes < 100e3, "{peak}");
+}
+
 /// By the definition: means of the samples that are there, at most one in ten missing, and the differences of neighbours.
 fn by_means(rate: &[f64], m: usize, is_complete: bool) -> (f64, usize) {
     let mean = |from: usize| {
