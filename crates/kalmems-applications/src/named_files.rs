@@ -3,6 +3,8 @@
 use crate::earlier_command::earlier_command;
 use crate::progress::Progress;
 use crate::recording::{Finding, Purpose, ReadError, RecordingLayout, RecordingSource, SampledRecording};
+use crate::recording::{Stretch, StretchSize, Stretches};
+use std::ops::ControlFlow;
 use std::path::Path;
 
 /// Reads files and remembers what they were and what was found in them.
@@ -35,25 +37,47 @@ impl<'a> NamedFiles<'a> {
         path: &Path,
         layout: &RecordingLayout,
     ) -> Result<SampledRecording, NamedFileError> {
-        if !path.exists() {
-            let remedy = earlier_command(path).unwrap_or_else(|| {
-                format!("give its path from the folder of the {}, or put it there", self.settings)
-            });
-            let why = format!("there is no file `{}`; {remedy}", path.display());
-            return Err(NamedFileError::Missing(why));
-        }
-        let mut started = false;
-        let progress = self.progress;
-        let read = SampledRecording::read_with(path, layout, &mut |done, total| {
-            if !started {
-                progress.begin("reading", total);
-                started = true;
-            }
-            progress.reached(done)
-        });
+        self.require(path)?;
+        let read = SampledRecording::read_with(path, layout, &mut reading(self.progress));
         let recording = read.map_err(|error| NamedFileError::Read(error.read_for(self.purpose)))?;
-        let source = recording.source().clone();
-        for finding in recording.diagnosis() {
+        self.remember(recording.source().clone(), recording.diagnosis());
+        Ok(recording)
+    }
+
+    /// Reads a file of any length in parts, each of which is taken before the next is read; what was found in it comes last.
+    pub(super) fn read_in_parts(
+        &mut self,
+        path: &Path,
+        layout: &RecordingLayout,
+        size: StretchSize,
+        mut take: impl FnMut(&Stretch),
+    ) -> Result<Vec<Finding>, NamedFileError> {
+        self.require(path)?;
+        let purpose = self.purpose;
+        let failed = |error: ReadError| NamedFileError::Read(error.read_for(purpose));
+        let mut stretches = Stretches::open(path, layout, size).map_err(failed)?;
+        let mut progress = reading(self.progress);
+        while let Some(stretch) = stretches.next(&mut progress).map_err(failed)? {
+            take(&stretch);
+            stretches.reuse(stretch);
+        }
+        let (source, diagnosis) = stretches.finish();
+        self.remember(source, &diagnosis);
+        Ok(diagnosis)
+    }
+
+    fn require(&self, path: &Path) -> Result<(), NamedFileError> {
+        if path.exists() {
+            return Ok(());
+        }
+        let remedy = earlier_command(path).unwrap_or_else(|| {
+            format!("give its path from the folder of the {}, or put it there", self.settings)
+        });
+        Err(NamedFileError::Missing(format!("there is no file `{}`; {remedy}", path.display())))
+    }
+
+    fn remember(&mut self, source: RecordingSource, diagnosis: &[Finding]) {
+        for finding in diagnosis {
             let found = (source.file.clone(), finding.clone().read_for(self.purpose));
             if !self.findings.contains(&found) {
                 self.findings.push(found);
@@ -62,6 +86,17 @@ impl<'a> NamedFiles<'a> {
         if !self.sources.contains(&source) {
             self.sources.push(source);
         }
-        Ok(recording)
+    }
+}
+
+/// Tells how far the reading has come.
+fn reading(progress: &dyn Progress) -> impl FnMut(u64, u64) -> ControlFlow<()> {
+    let mut started = false;
+    move |done, total| {
+        if !started {
+            progress.begin("reading", total);
+            started = true;
+        }
+        progress.reached(done)
     }
 }

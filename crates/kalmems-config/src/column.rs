@@ -30,6 +30,11 @@ struct ColumnTable {
     /// acceleration of volts: the inverse of a sensitivity of `2 V/gn`; 1 if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     scale: Option<AnyValue>,
+    /// Of numbers that are codes of a converter: how many make up the unit, such as `"131 LSB/(deg/s)"` or `"16384 LSB/gn"` in a data sheet. It
+    /// stands instead of `scale` and `unit`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"131 LSB/(deg/s)")]
+    sensitivity: Option<String>,
     /// What is added after that, in the unit of the result, such as `"0.1 V"`; 0 if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     offset: Option<AnyValue>,
@@ -53,7 +58,15 @@ pub struct ColumnChoice {
 impl ColumnTable {
     /// A name, of whose numbers nothing is said.
     const fn named(column: String) -> Self {
-        Self { column, unit: None, scale: None, offset: None, full_scale: None, range: None }
+        Self {
+            column,
+            unit: None,
+            scale: None,
+            sensitivity: None,
+            offset: None,
+            full_scale: None,
+            range: None,
+        }
     }
 }
 
@@ -68,14 +81,26 @@ impl ColumnChoice {
         self.reading.as_deref()
     }
 
+    /// Of codes of a converter: how many make up the unit, and that unit.
+    pub fn sensitivity(&self) -> Option<(f64, &str)> {
+        sensitivity_parts(self.table.sensitivity.as_deref()?)
+    }
+
     fn of(table: ColumnTable) -> Result<Self, String> {
-        let ColumnTable { column, unit, scale, offset, full_scale, range } = &table;
+        let ColumnTable { column, unit, scale, sensitivity, offset, full_scale, range } = &table;
         if column.trim().is_empty() {
             return Err(
                 "found no name; expected that of a column of the file, such as `column = \"Ucap\"`".into()
             );
         }
-        let unit = unit.as_deref().map(|text| {
+        let of_code = sensitivity.as_deref().map(value_of_code).transpose()?;
+        if of_code.is_some() && (unit.is_some() || scale.is_some()) {
+            return Err(
+                "found `sensitivity` with `unit` or `scale`; expected it alone, as it says what both would"
+                    .into(),
+            );
+        }
+        let unit = unit.as_deref().or(of_code.is_some().then_some("1")).map(|text| {
             let unit = Unit::parse(text).map_err(|e| {
                 let joint = if e.to_string().ends_with('?') { " " } else { "; " };
                 format!(
@@ -87,6 +112,7 @@ impl ColumnChoice {
         let unit = unit.transpose()?;
         let [scale, offset] =
             [scale, offset].map(|value: &Option<AnyValue>| value.as_ref().map(|v| v.value().clone()));
+        let scale = of_code.or(scale);
         if scale.as_ref().is_some_and(|scale: &Value| scale.si() == 0.0) {
             return Err(
                 "`scale` is 0, and every number would be; expected another, such as `scale = 10`".into()
@@ -143,6 +169,28 @@ impl ColumnChoice {
         scale: Option<AnyValue>,
     ) -> Result<Self, String> {
         Self::of(ColumnTable { unit, scale, ..ColumnTable::named(column) })
+    }
+}
+
+/// The number and the unit of a sensitivity such as `131 LSB/(deg/s)`.
+fn sensitivity_parts(text: &str) -> Option<(f64, &str)> {
+    let (number, unit) = text.split_once("LSB/")?;
+    let unit = unit.trim();
+    let unit = unit.strip_prefix('(').and_then(|unit| unit.strip_suffix(')')).unwrap_or(unit);
+    let number: f64 = number.trim().parse().ok()?;
+    (number.is_finite() && number != 0.0).then_some((number, unit))
+}
+
+/// What one code of a converter with this sensitivity is.
+fn value_of_code(text: &str) -> Result<Value, String> {
+    let value =
+        sensitivity_parts(text).map(|(number, unit)| Value::parse(&format!("{:e} {unit}", number.recip())));
+    match value {
+        Some(Ok(value)) => Ok(value),
+        Some(Err(error)) => Err(format!("`sensitivity` is `{text}`: {error}")),
+        None => Err(format!(
+            "`sensitivity` is `{text}`; expected codes by a unit, such as `\"131 LSB/(deg/s)\"` or `\"16384 LSB/gn\"`"
+        )),
     }
 }
 

@@ -125,6 +125,11 @@ impl Source {
         }
     }
 
+    /// Whether it has a table or a value of this name.
+    pub fn has(&self, name: &str) -> bool {
+        DeTable::parse(&self.text).is_ok_and(|document| document.get_ref().contains_key(name))
+    }
+
     /// An error at a place in the text.
     pub fn error(&self, key: Key, byte: Option<usize>, fault: ConfigFault) -> ConfigError {
         let position = byte.map(|byte| position(self.text.as_bytes(), byte));

@@ -14,12 +14,14 @@ use super::outcome::{
 };
 use super::peaks::{HALF_WINDOW, PeakToPeak};
 use super::positions_record;
-use super::quantities::RecordOutcome;
+use super::quantities::{CertificateCheck, RecordOutcome};
 use super::rates_record;
 use super::rest::{AxisAtRest, InertialSensor};
 use super::rest_record::{self, MeasuredRest};
+use super::sine_record;
 use super::temperature_record;
 use super::tone::{AXES, VibrationTone};
+use super::turns_record;
 use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference};
 use crate::config::Key;
 use crate::fit::FitError;
@@ -32,7 +34,7 @@ use realfft::num_complex::Complex64;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// Calibrates a gyroscope as its file says.
+/// Calibrates gyroscopes and accelerometers as their file says.
 pub fn calibrate(
     file: &GyroscopeCalibration,
     progress: &dyn Progress,
@@ -68,11 +70,19 @@ pub fn calibrate(
     }
     let MeasuredRest { axes: rest, motions, remarks } = rest_record::measure(&mut files)?;
     let mut records: Vec<RecordOutcome> = positions_record::measure(&mut files)?.into_iter().collect();
+    records.iter_mut().for_each(|positions| compare_angles(&mut results, positions));
     let rates = rates_record::measure(&mut files)?;
     let over_temperature = temperature_record::of_rates(file, &rates)?;
     records.extend(rates);
     records.extend(over_temperature);
+    records.extend(turns_record::measure(&mut files)?);
+    records.extend(sine_record::measure(&mut files)?);
     records.extend(temperature_record::measure(&mut files)?);
+    records.iter_mut().for_each(|record| record.push_sensitivities(&file.gyroscope));
+    let under_vibration = results
+        .iter()
+        .filter_map(|found| RecordOutcome::sensitivities_under_vibration(found, &file.gyroscope));
+    records.splice(..0, under_vibration);
     let NamedFiles { sources, findings, .. } = files.named;
     let findings = findings.into_iter().map(|(file, finding)| format!("{file}: {finding}"));
     let comparisons = compared_references(&results);
@@ -104,18 +114,57 @@ pub fn calibrate(
 /// The probability beyond which two biases of one axis are not of one unit in one state.
 const DIFFERENT: f64 = 0.999;
 
+/// The difference of two numbers, and what it hardly exceeds if both are of one unit.
+fn difference(one: &UncertainEstimate, other: &UncertainEstimate) -> [f64; 2] {
+    let limits =
+        [one, other].map(|found| coverage_factor(DIFFERENT, found.degrees_of_freedom) * found.uncertainty);
+    [one.value - other.value, limits[0].portable_hypot(limits[1])]
+}
+
+/// The pairs of axes in the order of their angles.
+const PAIRS: [[&str; 2]; 3] = [["x", "y"], ["x", "z"], ["y", "z"]];
+
+/// Holds the angles between the gyroscopes' axes by a reference against those by positions, which know nothing of the reference: where they differ, the
+/// axes of the reference are not square.
+fn compare_angles(results: &mut [CalibratedGyroscope], positions: &mut RecordOutcome) {
+    for result in results {
+        let in_plane = result.in_plane.map(|found| vec![(found.axes, found.non_orthogonality)]);
+        let angles = match result.alignment {
+            Some([_, angles, _]) => PAIRS.into_iter().zip(angles).collect(),
+            None => in_plane.unwrap_or_default(),
+        };
+        for ([a, b], angle) in angles {
+            let name =
+                format!("gyroscope_non_orthogonality_{}", if a < b { [a, b] } else { [b, a] }.concat());
+            let Some(by_positions) = positions.estimate(&name) else { continue };
+            let [difference, limit] = difference(&angle, by_positions);
+            let place = format!("condition `{}`, reference `{}`", result.condition, result.reference);
+            let found =
+                format!("{:+.3} mrad apart, and both are known to {:.3} mrad", 1e3 * difference, 1e3 * limit);
+            if difference.abs() > limit {
+                result.warnings.push(format!(
+                    "the angle between the axes {a} and {b} is not that by the positions ({found}): the axes of the reference are not square; correct its \
+                     mounting, or state the angle as `uncertainty.alignment`"
+                ));
+            }
+            positions.checks.push(CertificateCheck {
+                what: format!(
+                    "{place}: the angle between the gyroscopes of {a} and {b} is that by the positions"
+                ),
+                passes: difference.abs() <= limit,
+                found,
+            });
+        }
+    }
+}
+
 /// Axes whose bias under vibration is not that at rest.
 fn differing_biases(results: &[CalibratedGyroscope], rest: &[AxisAtRest]) -> Vec<String> {
     let of_result = |result: &CalibratedGyroscope| -> Vec<String> {
         let gyroscopes = rest.iter().filter(|rest| rest.sensor == InertialSensor::Gyroscope);
         let each = gyroscopes.filter_map(|rest| {
             let place = AXES.iter().position(|axis| *axis == rest.axis)?;
-            let (shaken, still) = (result.bias[place]?, rest.bias_estimate());
-            let difference = shaken.value - still.value;
-            let limit = [shaken, still]
-                .map(|bias| coverage_factor(DIFFERENT, bias.degrees_of_freedom) * bias.uncertainty)
-                .into_iter()
-                .fold(0.0, f64::portable_hypot);
+            let [difference, limit] = difference(&result.bias[place]?, &rest.bias_estimate());
             (difference.abs() > limit).then(|| {
                 format!(
                     "condition `{}`: the bias of {} under vibration lies {difference:+.3e} rad/s from that at rest, beyond what both are known to \

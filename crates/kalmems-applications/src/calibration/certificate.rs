@@ -332,9 +332,15 @@ fn method(found: &Calibration) -> String {
         method += " The bias is the mean of a record at rest; its standard uncertainty is Allan's deviation at the length of the record by the noise \
                    that was fitted to Allan's variances, with the degrees of freedom of the variance at an eighth of the record.";
     }
+    if by(BiasMethod::MeansOfRecords) {
+        method += " The bias is the mean of the means of several records at rest; its standard uncertainty is that by their scatter (Type A).";
+    }
     if by(BiasMethod::MeansOfPieces) {
         method += " The bias is the mean of a record at rest whose noise could not be fitted; its uncertainty is that of the means of eight pieces, \
                    which is right for noise that is white beyond an eighth of the record.";
+    }
+    if found.rest.iter().any(|rest| !rest.subtracted.is_empty()) {
+        method += " Lines of the spectrum of the record at rest were fitted by sines, part by part, and subtracted.";
     }
     for record in &found.records {
         method += &format!(" {}", record.method);

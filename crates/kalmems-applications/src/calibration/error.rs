@@ -30,7 +30,7 @@ pub enum CalibrationError {
     #[error(
         "record `{record}`: the gyroscope shows {shown_hz:.2} Hz by its nominal rate and {reference} {reference_hz:.2} Hz, \
          {off:+.3} % apart; expected within its `clock_tolerance` of {tolerance:.3} %: the records are of different motions \
-         (exchange the file or `records`), or `gyroscope.rate` is not its nominal rate, or the tolerance is too small"
+         (exchange the file or `records`), or `rate` is not its nominal rate, or the tolerance is too small"
     )]
     Frequencies {
         /// The record.
@@ -140,6 +140,21 @@ pub enum CalibrationError {
         /// Rates that it takes.
         expected_rates: usize,
         /// The shortest step in s.
+        shortest_s: f64,
+    },
+    /// A record of turns has too few of them.
+    #[error(
+        "{place}: found {found} turns with a rest of {shortest_s} s or longer before and after; expected at least {expected}: rest longer between them, or state \
+         a shorter time as `shortest`"
+    )]
+    Turns {
+        /// The record, as the calibration file names it.
+        place: String,
+        /// How many were found.
+        found: usize,
+        /// The fewest that suffice.
+        expected: usize,
+        /// The shortest rest in s.
         shortest_s: f64,
     },
     /// The record at rest is too short.

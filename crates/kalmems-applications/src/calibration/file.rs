@@ -1,6 +1,7 @@
 //! The calibration file of a gyroscope: its records, the motions that they are compared with, and a record at rest.
 
 use super::inputs::OF_REPRODUCIBILITY;
+use super::rest::InertialSensor;
 use super::unit_record::RecordOfUnit;
 use crate::ApplicationFile;
 use crate::config::FileColumns;
@@ -27,14 +28,16 @@ const RECORD: &str = "{record}";
 /// Two are equal if they say the same, whatever file they came from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(extend("anyOf" = [{ "required": ["condition"] }, { "required": ["rest"] }, { "required": ["positions"] }, { "required": ["rates"] }, { "required": ["temperature"] }]))]
+#[schemars(extend("anyOf" = [{ "required": ["condition"] }, { "required": ["rest"] }, { "required": ["positions"] }, { "required": ["rates"] }, { "required": ["turns"] }, { "required": ["sine"] }, { "required": ["temperature"] }]))]
+#[schemars(transform = with_earlier_name)]
 pub struct GyroscopeCalibration {
     /// A name; results go to a folder of this name unless another is given.
     pub name: Name,
     /// What the calibration is about, in free text.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub description: Option<String>,
-    /// The gyroscope.
+    /// The unit: gyroscopes, accelerometers or both. The table may also be called `[gyroscope]`.
+    #[serde(rename = "sensor", alias = "gyroscope")]
     pub gyroscope: InertialUnit,
     /// The records under vibration, at one temperature or several.
     #[serde(rename = "condition", default, skip_serializing_if = "Vec::is_empty")]
@@ -48,6 +51,12 @@ pub struct GyroscopeCalibration {
     /// Records on a rate table that turns at one rate after the other.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rates: Vec<RatesRecord>,
+    /// Records of turns by a known angle, between which the unit rests.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub turns: Vec<TurnsRecord>,
+    /// Records under sines of one frequency after the other, with a reference in the same file.
+    #[serde(rename = "sine", default, skip_serializing_if = "Vec::is_empty")]
+    pub sines: Vec<SineRecord>,
     /// A record at rest during a cycle of temperature.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature: Option<TemperatureRecord>,
@@ -271,11 +280,11 @@ pub struct StatedUncertainty {
     pub correlation: StatedCorrelations,
 }
 
-/// A record without motion.
+/// A record without motion, or several of one unit in one state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RestRecord {
-    /// Its file.
+    /// Its file. With `{record}` in its name, a file for each of `records`.
     #[schemars(example = &"rest.csv")]
     pub file: PathBuf,
     /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
@@ -284,6 +293,10 @@ pub struct RestRecord {
     /// Where the file holds several records: the column that tells them apart. None of them is joined to the next.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub segments: Option<Segments>,
+    /// The records that are used; all of the file if left out. Their squared differences are added up, and so are the degrees of freedom; the bias is the
+    /// mean of their means.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub records: Option<Vec<String>>,
     /// When its samples were taken; by the gyroscope's nominal rate if left out. A column of times has to show that rate within
     /// its `clock_tolerance`, where that is stated.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -294,6 +307,10 @@ pub struct RestRecord {
     /// The columns of the accelerometers by axis, whose noise is wanted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub accelerometers: Option<Channels>,
+    /// Fits each line that stands out of the spectrum by a sine, in parts of at most 65536 samples, and subtracts it. What stands out then still
+    /// forbids a certificate.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub subtract_lines: bool,
 }
 
 /// A record in which the unit rests in many positions one after the other, turned by hand between them. The columns are those of the unit.
@@ -368,6 +385,79 @@ pub struct RatesRecord {
     pub shortest: Option<Quantity<Time, Positive>>,
 }
 
+/// A record in which the unit is turned about one of its axes by a known angle or multiples of it, to either side, and rests before and after each turn:
+/// by hand against a stop, or on a table without a measured rate. The columns are those of the unit's gyroscopes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TurnsRecord {
+    /// A name, unique among these records, such as `z_by_hand`.
+    pub name: Name,
+    /// The file, relative to the calibration file.
+    #[schemars(example = &"turns.csv")]
+    pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// Where the file holds several records: the column that tells them apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Segments>,
+    /// When its samples were taken; by the nominal rate if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock: Option<Clock>,
+    /// The axis about which it is turned: `x`, `y` or `z`. The other gyroscopes show their cross-axis sensitivity.
+    pub axis: TableAxis,
+    /// The angle, such as `"360 deg"`; a turn may be a multiple of it.
+    pub angle: Quantity<Angle, Positive>,
+    /// How well that angle is known, in what is common to all turns: what differs from turn to turn is in their scatter. It is not in the interval if
+    /// left out, and the certificate says so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub angle_uncertainty: Option<StandardUncertainty<Angle>>,
+    /// By what angle the unit's axis may be off that of the turns: in full in the cross-axis sensitivities, in second order in the scale factor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alignment: Option<StandardUncertainty<Angle>>,
+    /// How long a rest lasts at least; `"1 s"` if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shortest: Option<Quantity<Time, Positive>>,
+}
+
+/// A record under sines of one frequency after the other, of one sensor of the unit and, in the same rows, a reference along it: an acceleration, or an
+/// angular rate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SineRecord {
+    /// A name, unique among these records, such as `x_shaker`.
+    pub name: Name,
+    /// The file, relative to the calibration file.
+    #[schemars(example = &"shaker.csv")]
+    pub file: PathBuf,
+    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub format: Option<FileFormat>,
+    /// The column that tells the frequencies apart, each of which is a record; of one frequency it is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Segments>,
+    /// When its samples were taken; by the nominal rate if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock: Option<Clock>,
+    /// `accelerometer` or `gyroscope`.
+    pub sensor: InertialSensor,
+    /// The axis of the unit that lies along that of the reference: `x`, `y` or `z`.
+    pub axis: TableAxis,
+    /// The column of the reference.
+    #[schemars(example = &"reference_m_per_s2")]
+    pub reference: ColumnChoice,
+    /// The relative standard uncertainty of the reference's sensitivity. It is not in the interval if left out, and the certificate says so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference_uncertainty: Option<StandardUncertainty<Ratio>>,
+    /// How well the time is known between a sample of the reference and that of the unit in the same row, its phase included. It is not in the
+    /// interval of the phase if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub delay_uncertainty: Option<StandardUncertainty<Time>>,
+    /// What the scale factor changes from one mounting to the next, relative to it, where a frequency has a single record.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reproducibility: Option<StandardUncertainty<Ratio>>,
+}
+
 /// A record at rest while the temperature rises and falls. The columns are those of the unit and, in the same file, the temperature.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -425,6 +515,28 @@ impl TableAxis {
     }
 }
 
+/// Said of a file for each record where no record is named.
+const NAMES_WANTED: &str =
+    "a file for each record needs their names, such as `records = [\"test1\", \"test2\"]`";
+
+/// The table of the unit, and what it was called first.
+const UNIT: &str = "sensor";
+const EARLIER_UNIT: &str = "gyroscope";
+
+/// A file may have the table of the unit under either name.
+fn with_earlier_name(schema: &mut schemars::Schema) {
+    let either = [UNIT, EARLIER_UNIT].map(|name| serde_json::json!({ "required": [name] }));
+    schema.insert("oneOf".to_owned(), either.to_vec().into());
+    if let Some(required) = schema.get_mut("required").and_then(serde_json::Value::as_array_mut) {
+        required.retain(|name| name != UNIT);
+    }
+    if let Some(properties) = schema.get_mut("properties").and_then(serde_json::Value::as_object_mut)
+        && let Some(unit) = properties.get(UNIT).cloned()
+    {
+        properties.insert(EARLIER_UNIT.to_owned(), unit);
+    }
+}
+
 /// The axes that a channel can be of.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -437,7 +549,7 @@ impl ApplicationFile for GyroscopeCalibration {
 
     fn check(&self) -> Result<(), ConfigError> {
         let refuse = |key: Key, why: String| Err(self.error(key, ConfigFault::Value { why }));
-        let unit = Key::from("gyroscope");
+        let unit = self.unit_key();
         match (&self.gyroscope.channels, self.conditions.is_empty()) {
             (Some(channels), _) => self.check_axes(&unit.clone().child("channels"), channels)?,
             (None, true) if self.gyroscope.accelerometers.is_some() => {}
@@ -462,13 +574,16 @@ impl ApplicationFile for GyroscopeCalibration {
             && self.rest.is_none()
             && self.positions.is_none()
             && self.rates.is_empty()
+            && self.turns.is_empty()
+            && self.sines.is_empty()
             && self.temperature.is_none()
         {
-            let why = "found no record; expected `[[condition]]` of records under vibration, `[rest]`, `[positions]`, `[[rates]]` or `[temperature]`";
+            let why = "found no record; expected `[[condition]]` of records under vibration, `[rest]`, `[positions]`, `[[rates]]`, `[[turns]]`, \
+                       `[[sine]]` or `[temperature]`";
             return refuse(Key::default(), why.to_owned());
         }
         let both = FileColumns { columns: self.gyroscope.columns(), ..FileColumns::default() };
-        self.check_columns(&Key::from("gyroscope"), &both)?;
+        self.check_columns(&unit, &both)?;
         let at_rest = self.rest.iter().map(|rest| ("rest", &rest.channels, &rest.accelerometers));
         let in_cycle =
             self.temperature.iter().map(|cycle| ("temperature", &cycle.channels, &cycle.accelerometers));
@@ -489,13 +604,9 @@ impl ApplicationFile for GyroscopeCalibration {
         let mut conditions = BTreeMap::new();
         for (index, condition) in self.conditions.iter().enumerate() {
             let key = Key::from("condition").index(index);
-            if let Some(first) = conditions.insert(&condition.name, key.clone()) {
-                return Err(self.duplicate(key, &condition.name, &first));
-            }
+            self.require_unique(&mut conditions, &key, &condition.name)?;
             if is_per_record(&condition.file) && condition.records.is_none() {
-                let why =
-                    "a file for each record needs their names, such as `records = [\"test1\", \"test2\"]`";
-                return refuse(key.child("records"), why.to_owned());
+                return refuse(key.child("records"), NAMES_WANTED.to_owned());
             }
             if condition.references.is_empty() {
                 let why = "found no reference; expected at least one `[[condition.reference]]`";
@@ -509,9 +620,7 @@ impl ApplicationFile for GyroscopeCalibration {
                 if let Err(why) = reference.uncertainty.check() {
                     return refuse(key.child("uncertainty").child("correlation"), why);
                 }
-                if let Some(first) = names.insert(&reference.name, key.clone()) {
-                    return Err(self.duplicate(key, &reference.name, &first));
-                }
+                self.require_unique(&mut names, &key, &reference.name)?;
             }
         }
         Ok(())
@@ -522,9 +631,12 @@ impl GyroscopeCalibration {
     /// Checks the records of a unit that no reference shakes: at rest, in positions, over the temperature and on a rate table.
     fn check_unit_records(&self) -> Result<(), ConfigError> {
         let refuse = |key: Key, why: String| Err(self.error(key, ConfigFault::Value { why }));
-        let unit = Key::from("gyroscope");
+        let unit = self.unit_key();
         if let Some(rest) = &self.rest {
             let key = Key::from("rest");
+            if is_per_record(&rest.file) && rest.records.is_none() {
+                return refuse(key.child("records"), NAMES_WANTED.to_owned());
+            }
             self.check_record(&key, &rest.of_unit(&self.gyroscope))?;
         }
         if let Some(positions) = &self.positions {
@@ -548,22 +660,46 @@ impl GyroscopeCalibration {
             }
             self.check_record(&key, &record.of_unit(&self.gyroscope))?;
         }
-        let mut rates = BTreeMap::new();
+        let [mut sines, mut rates, mut turns] = [BTreeMap::new(), BTreeMap::new(), BTreeMap::new()];
+        for (index, record) in self.sines.iter().enumerate() {
+            let key = Key::from("sine").index(index);
+            self.require_unique(&mut sines, &key, &record.name)?;
+            self.check_record_about(&key, &record.of_unit(&self.gyroscope), record.axis)?;
+        }
         for (index, record) in self.rates.iter().enumerate() {
             let key = Key::from("rates").index(index);
-            if let Some(first) = rates.insert(&record.name, key.clone()) {
-                return Err(self.duplicate(key, &record.name, &first));
-            }
-            let axis = AXES[record.axis.index()];
-            if self.gyroscope.channels.as_ref().is_none_or(|channels| channels.column(axis).is_none()) {
-                let why = format!(
-                    "the unit has no gyroscope of this axis; expected its column as `channels.{axis}`"
-                );
-                return refuse(key.child("axis"), why);
-            }
-            self.check_record(&key, &record.of_unit(&self.gyroscope))?;
+            self.require_unique(&mut rates, &key, &record.name)?;
+            self.check_record_about(&key, &record.of_unit(&self.gyroscope), record.axis)?;
+        }
+        for (index, record) in self.turns.iter().enumerate() {
+            let key = Key::from("turns").index(index);
+            self.require_unique(&mut turns, &key, &record.name)?;
+            self.check_record_about(&key, &record.of_unit(&self.gyroscope), record.axis)?;
         }
         Ok(())
+    }
+
+    /// Checks a record about one axis, which has to have its sensor.
+    fn check_record_about(
+        &self,
+        key: &Key,
+        record: &RecordOfUnit,
+        axis: TableAxis,
+    ) -> Result<(), ConfigError> {
+        let axis = AXES[axis.index()];
+        let channels = record.channels.or(record.accelerometers);
+        if channels.is_none_or(|channels| channels.column(axis).is_none()) {
+            let why = format!(
+                "the unit has no such sensor of the axis {axis}; expected its column at `channels.{axis}` or `accelerometers.{axis}`"
+            );
+            return Err(self.error(key.clone().child("axis"), ConfigFault::Value { why }));
+        }
+        self.check_record(key, record)
+    }
+
+    /// The key of the unit's table, as the file calls it.
+    fn unit_key(&self) -> Key {
+        Key::from(if self.source.has(EARLIER_UNIT) { EARLIER_UNIT } else { UNIT })
     }
 
     /// Refuses a column that is read in two ways.
@@ -571,10 +707,16 @@ impl GyroscopeCalibration {
         file.check().map_err(|(_, why)| self.error(key.clone(), ConfigFault::Value { why }))
     }
 
-    /// A name at this key that stands at an earlier one already.
-    fn duplicate(&self, key: Key, name: &Name, first: &Key) -> ConfigError {
+    /// Refuses a name at this key that stands at an earlier one already.
+    fn require_unique<'a>(
+        &self,
+        names: &mut BTreeMap<&'a Name, Key>,
+        key: &Key,
+        name: &'a Name,
+    ) -> Result<(), ConfigError> {
+        let Some(first) = names.insert(name, key.clone()) else { return Ok(()) };
         let fault = ConfigFault::DuplicateName { name: name.to_string(), first: first.to_string() };
-        self.error(key.child("name"), fault)
+        Err(self.error(key.clone().child("name"), fault))
     }
 
     fn check_record(&self, key: &Key, record: &RecordOfUnit) -> Result<(), ConfigError> {
@@ -665,50 +807,62 @@ impl MotionReference {
     }
 }
 
+/// The file of a record with how it is written, before its columns.
+macro_rules! record_of {
+    ($record:expr) => {
+        RecordOfUnit {
+            file: &$record.file,
+            format: $record.format.as_ref(),
+            segments: $record.segments.as_ref(),
+            clock: $record.clock.as_ref(),
+            channels: None,
+            accelerometers: None,
+            further: None,
+        }
+    };
+}
+
 impl RestRecord {
     /// The record with its columns.
     pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
         let [channels, accelerometers] =
             unit.columns_at_rest([self.channels.as_ref(), self.accelerometers.as_ref()]);
-        RecordOfUnit {
-            file: &self.file,
-            format: self.format.as_ref(),
-            segments: self.segments.as_ref(),
-            clock: self.clock.as_ref(),
-            channels,
-            accelerometers,
-            further: None,
-        }
+        RecordOfUnit { channels, accelerometers, ..record_of!(self) }
     }
 }
 
 impl PositionsRecord {
     /// The record with its columns.
     pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
-        RecordOfUnit {
-            file: &self.file,
-            format: self.format.as_ref(),
-            segments: self.segments.as_ref(),
-            clock: self.clock.as_ref(),
-            channels: unit.channels.as_ref(),
-            accelerometers: unit.accelerometers.as_ref(),
-            further: None,
-        }
+        let (channels, accelerometers) = (unit.channels.as_ref(), unit.accelerometers.as_ref());
+        RecordOfUnit { channels, accelerometers, ..record_of!(self) }
     }
 }
 
 impl RatesRecord {
     /// The record with its columns.
     pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
-        RecordOfUnit {
-            file: &self.file,
-            format: self.format.as_ref(),
-            segments: self.segments.as_ref(),
-            clock: self.clock.as_ref(),
-            channels: unit.channels.as_ref(),
-            accelerometers: None,
-            further: Some(("table", &self.table, &kind::ANGULAR_RATE)),
-        }
+        let further = Some(("table", &self.table, &kind::ANGULAR_RATE));
+        RecordOfUnit { channels: unit.channels.as_ref(), further, ..record_of!(self) }
+    }
+}
+
+impl TurnsRecord {
+    /// The record with its columns.
+    pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
+        RecordOfUnit { channels: unit.channels.as_ref(), ..record_of!(self) }
+    }
+}
+
+impl SineRecord {
+    /// The record with its columns.
+    pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
+        let (channels, accelerometers, kind) = match self.sensor {
+            InertialSensor::Gyroscope => (unit.channels.as_ref(), None, &kind::ANGULAR_RATE),
+            InertialSensor::Accelerometer => (None, unit.accelerometers.as_ref(), &kind::ACCELERATION),
+        };
+        let further = Some(("reference", &self.reference, kind));
+        RecordOfUnit { channels, accelerometers, further, ..record_of!(self) }
     }
 }
 
@@ -717,15 +871,8 @@ impl TemperatureRecord {
     pub fn of_unit<'a>(&'a self, unit: &'a InertialUnit) -> RecordOfUnit<'a> {
         let [channels, accelerometers] =
             unit.columns_at_rest([self.channels.as_ref(), self.accelerometers.as_ref()]);
-        RecordOfUnit {
-            file: &self.file,
-            format: self.format.as_ref(),
-            segments: self.segments.as_ref(),
-            clock: self.clock.as_ref(),
-            channels,
-            accelerometers,
-            further: Some(("temperature", &self.temperature, &kind::TEMPERATURE)),
-        }
+        let further = Some(("temperature", &self.temperature, &kind::TEMPERATURE));
+        RecordOfUnit { channels, accelerometers, further, ..record_of!(self) }
     }
 }
 

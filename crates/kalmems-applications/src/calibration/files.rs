@@ -2,11 +2,14 @@
 
 use super::error::CalibrationError;
 use super::tone::{AXES, AxisSignals};
-use crate::calibration::file::{Condition, GyroscopeCalibration, MotionReference, is_per_record};
+use crate::calibration::file::{
+    Condition, GyroscopeCalibration, InertialUnit, MotionReference, is_per_record,
+};
 use crate::config::{Channels, ConfigFault, Key};
 use crate::estimate::EstimateError;
 use crate::named_files::{NamedFileError, NamedFiles};
-use crate::recording::{Instant, RecordingLayout, SampledRecording, Segment, moved_by};
+use crate::recording::{Finding, Instant, RecordingLayout, SampledRecording, Segment, moved_by};
+use crate::recording::{Stretch, StretchSize};
 use crate::units::{Kind, Unit, kind};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -182,10 +185,27 @@ impl InputFiles<'_> {
         path: &Path,
         layout: &RecordingLayout,
     ) -> Result<SampledRecording, CalibrationError> {
-        self.named.read(path, layout).map_err(|error| match error {
+        self.named.read(path, layout).map_err(|error| self.not_read(key, error))
+    }
+
+    /// Reads a file of any length in parts and remembers it; with what was found in it.
+    pub fn read_in_parts(
+        &mut self,
+        key: Key,
+        path: &Path,
+        layout: &RecordingLayout,
+        size: StretchSize,
+        take: impl FnMut(&Stretch),
+    ) -> Result<Vec<Finding>, CalibrationError> {
+        let found = self.named.read_in_parts(path, layout, size, take);
+        found.map_err(|error| self.not_read(key, error))
+    }
+
+    fn not_read(&self, key: Key, error: NamedFileError) -> CalibrationError {
+        match error {
             NamedFileError::Missing(why) => self.file.error(key, ConfigFault::Value { why }).into(),
             NamedFileError::Read(error) => error.into(),
-        })
+        }
     }
 }
 
@@ -200,15 +220,36 @@ pub(super) fn require_usable(
     segment: &Segment,
     columns: &[&str],
 ) -> Result<(), CalibrationError> {
-    let file = &recording.source().file;
-    let place = match segment.label.as_str() {
-        "" => file.clone(),
+    require_usable_record(recording.diagnosis(), &recording.source().file, &segment.label, columns)
+}
+
+/// The same of a record that was read in parts, by what was found in its file.
+pub(super) fn require_usable_record(
+    diagnosis: &[Finding],
+    file: &str,
+    record: &str,
+    columns: &[&str],
+) -> Result<(), CalibrationError> {
+    let place = match record {
+        "" => file.to_owned(),
         label => format!("{file}, record `{label}`"),
     };
-    EstimateError::of_unusable_signal(recording.diagnosis(), (&place, columns), |label| {
-        label == segment.label
-    })?;
+    EstimateError::of_unusable_signal(diagnosis, (&place, columns), |label| label == record)?;
     Ok(())
+}
+
+/// Refuses rates at or beyond the full scale, where that is stated.
+pub(super) fn require_within(
+    unit: &InertialUnit,
+    values: &[f64],
+    (place, column): (&str, &str),
+) -> Result<(), CalibrationError> {
+    let limit = unit.full_scale.as_ref().map_or(f64::INFINITY, |full| full.si() * (1.0 - 1e-9));
+    let count = values.iter().filter(|value| value.abs() >= limit).count();
+    if count == 0 {
+        return Ok(());
+    }
+    Err(EstimateError::Clipped { place: place.to_owned(), column: column.to_owned(), count }.into())
 }
 
 /// The bytes of a file among which its names of columns are looked for.

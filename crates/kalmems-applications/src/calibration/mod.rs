@@ -11,7 +11,7 @@ mod centre;
 mod certificate;
 mod comparison;
 #[cfg(feature = "report")]
-mod compensation_header;
+mod compensation_sources;
 mod cross_check;
 mod error;
 mod file;
@@ -34,15 +34,19 @@ mod positions_record;
 mod quantities;
 mod rates_record;
 mod rest;
+mod rest_lines;
 mod rest_record;
+mod rest_samples;
 mod rest_spectrum;
 #[cfg(feature = "report")]
 mod results;
 mod simulated;
+mod sine_record;
 mod still;
 mod stretches;
 mod temperature_record;
 mod tone;
+mod turns_record;
 mod unit_record;
 
 pub use calibrate::calibrate;
@@ -53,7 +57,8 @@ pub use comparison::ReferenceComparison;
 pub use error::CalibrationError;
 pub use file::{
     CertificateDetails, Condition, GyroscopeCalibration, InertialUnit, MonteCarlo, MotionReference,
-    PositionsRecord, RatesRecord, RestRecord, StatedUncertainty, TableAxis, TemperatureRecord,
+    PositionsRecord, RatesRecord, RestRecord, SineRecord, StatedUncertainty, TableAxis, TemperatureRecord,
+    TurnsRecord,
 };
 pub use matrix::{CalibrationMatrix, LeaveOneOut, RatePair, Repeatability};
 pub use noise_fit::{NoFit, NoiseFit};
@@ -68,6 +73,7 @@ pub use quantities::{
     CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome, TemperaturePolynomial,
 };
 pub use rest::{AxisAtRest, BiasMethod, InertialSensor, NoiseTerm};
+pub use rest_samples::RestSamples;
 #[cfg(feature = "report")]
 pub use results::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};
 pub use simulated::{SimulatedInstrument, SimulatedUnit, Vibration};

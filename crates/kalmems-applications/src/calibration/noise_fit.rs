@@ -1,7 +1,7 @@
 //! Quantisation, white noise, flicker and a random walk, fitted to Allan's variances: sizes with intervals, and whether they fit at all.
 
 use super::octave_covariance::{FLICKER, OctavePair, PARTS, QUANTISATION, WALK, WHITE, low_passed};
-use crate::signal::Confident;
+use crate::signal::{Confident, OctaveSums};
 use kalmems_core::{Lu, Mat, Portable};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -105,6 +105,8 @@ struct Octave {
     time_s: f64,
     variance: f64,
     freedom: f64,
+    /// The stretches with differences, as lengths in samples with their number.
+    stretches: Vec<(usize, usize)>,
 }
 
 impl Octave {
@@ -147,17 +149,21 @@ fn parts(octave: &Octave, correlation: f64) -> [f64; PARTS] {
 }
 
 impl NoiseFit {
-    /// Of Allan deviations over stretches of so many samples.
-    pub fn of(deviations: &[Confident], stretches: &[usize], interval_s: f64) -> Result<Self, NoFit> {
-        let octaves = octaves(deviations);
-        let duration_s = interval_s * stretches.iter().sum::<usize>() as f64;
+    /// Of Allan's deviations that these sums have, over a record of so many s.
+    pub fn of(
+        deviations: &[Confident],
+        sums: &OctaveSums,
+        interval_s: f64,
+        duration_s: f64,
+    ) -> Result<Self, NoFit> {
+        let octaves = octaves(deviations, sums);
         let mut best: Option<(f64, usize, OctaveFit)> = None;
         for left_out in 0..octaves.len() {
             let rest = octaves[left_out..].to_vec();
             if rest.len() < FEWEST {
                 break;
             }
-            let Some(found) = OctaveFit::of(rest, stretches) else { continue };
+            let Some(found) = OctaveFit::of(rest) else { continue };
             let p = found.probability();
             if best.as_ref().is_none_or(|(most, ..)| p > *most) && !found.begins_within_flicker() {
                 best = Some((p, left_out, found));
@@ -190,9 +196,9 @@ impl NoiseFit {
         model.expected(&self.octave(time_s))
     }
 
-    /// The degrees of freedom of the deviation at an averaging time in s over stretches of so many samples.
-    pub(super) fn freedom(&self, time_s: f64, stretches: &[usize]) -> Option<f64> {
-        Some(2.0 / pair(&self.model(), [&self.octave(time_s); 2]).covariance(stretches)?)
+    /// The degrees of freedom of the deviation at an averaging time in s over stretches of so many samples, each so often.
+    pub(super) fn freedom(&self, time_s: f64, stretches: Vec<(usize, usize)>) -> Option<f64> {
+        covariance(&self.model(), [&Octave { stretches, ..self.octave(time_s) }; 2]).map(|c| 2.0 / c)
     }
 
     /// The power of the frequency in the density of the largest noise at an averaging time in s.
@@ -205,7 +211,7 @@ impl NoiseFit {
     fn octave(&self, time_s: f64) -> Octave {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count of samples
         let factor = (time_s / self.interval_s).round().max(1.0) as usize;
-        Octave { factor, time_s, variance: f64::NAN, freedom: f64::NAN }
+        Octave { factor, time_s, variance: f64::NAN, freedom: f64::NAN, stretches: Vec::new() }
     }
 
     fn model(&self) -> Model {
@@ -214,24 +220,27 @@ impl NoiseFit {
     }
 }
 
-fn octaves(deviations: &[Confident]) -> Vec<Octave> {
+fn octaves(deviations: &[Confident], sums: &OctaveSums) -> Vec<Octave> {
     let usable = |d: &&Confident| d.freedom.is_finite() && d.freedom > 0.0 && d.averaged.deviation > 0.0;
     let of = |d: &Confident| Octave {
         factor: d.averaged.factor,
         time_s: d.averaged.time_s,
         variance: d.averaged.deviation.powi(2),
         freedom: d.freedom,
+        stretches: sums.stretches(d.averaged.factor),
     };
     deviations.iter().filter(usable).map(of).collect()
 }
 
-fn pair(model: &Model, octaves: [&Octave; 2]) -> OctavePair {
+/// Cov(A₁, A₂)/(E A₁·E A₂) of the variances at two averaging times, of which the first is not the longer one.
+fn covariance(model: &Model, octaves: [&Octave; 2]) -> Option<f64> {
     let [first, second] = octaves.map(|octave| model.shares(octave));
-    OctavePair {
+    let pair = OctavePair {
         factors: octaves.map(|octave| octave.factor),
         shares: std::array::from_fn(|part| [first[part], second[part]]),
         memory: model.correlation(),
-    }
+    };
+    pair.covariance(octaves.map(|octave| octave.stretches.as_slice()))
 }
 
 /// The likeliest model of some octaves, and how their variances scatter about it.
@@ -244,23 +253,23 @@ struct OctaveFit {
 }
 
 impl OctaveFit {
-    fn of(mut octaves: Vec<Octave>, stretches: &[usize]) -> Option<Self> {
+    fn of(mut octaves: Vec<Octave>) -> Option<Self> {
         let mut model = likeliest_of_all(&octaves);
         for _ in 0..ROUNDS {
             for octave in &mut octaves {
-                octave.freedom = 2.0 / pair(&model, [octave; 2]).covariance(stretches)?;
+                octave.freedom = 2.0 / covariance(&model, [octave; 2])?;
             }
             model = likeliest_of_all(&octaves);
         }
         let rows = octaves.iter().enumerate().map(|(i, first)| {
             let entries = octaves.iter().enumerate().map(|(j, second)| {
                 let ordered = if i <= j { [first, second] } else { [second, first] };
-                pair(&model, ordered).covariance(stretches)
+                covariance(&model, ordered)
             });
             entries.collect::<Option<Vec<f64>>>()
         });
-        let covariance = rows.collect::<Option<_>>()?;
-        Some(Self { cost: cost(&octaves, &model), octaves, model, covariance })
+        let matrix = rows.collect::<Option<_>>()?;
+        Some(Self { cost: cost(&octaves, &model), octaves, model, covariance: matrix })
     }
 
     /// The derivatives of ln E A by the squares of the parts, each times a scale of its own, and by the logarithm of the time constant.

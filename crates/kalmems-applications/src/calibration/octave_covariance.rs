@@ -29,17 +29,22 @@ pub(super) struct OctavePair {
 }
 
 impl OctavePair {
-    /// Cov(A₁, A₂)/(E A₁·E A₂) of two overlapping Allan variances over stretches of so many samples; that of a variance with itself is
-    /// 2/ν with its degrees of freedom ν. `None` where no stretch is long enough.
+    /// Cov(A₁, A₂)/(E A₁·E A₂) of two overlapping Allan variances; that of a variance with itself is 2/ν with its degrees of freedom ν. `None`
+    /// where no stretch is long enough. The stretches are those with differences at either averaging time, as lengths in samples with their
+    /// number: a gap that ends one at the shorter time may be short for the longer one.
     ///
     /// The second differences of the phase are normal, and of two normal numbers the squares have the covariance 2·Cov²; summed over all
     /// pairs by their lag. Of several noises the covariances of the differences add up before they are squared.
-    pub fn covariance(&self, stretches: &[usize]) -> Option<f64> {
+    pub fn covariance(&self, stretches: [&[(usize, usize)]; 2]) -> Option<f64> {
         let [m, n] = self.factors;
-        let terms = |factor: usize, samples: &usize| (samples + 1).saturating_sub(2 * factor);
-        let all =
-            |factor: usize| stretches.iter().map(|samples| terms(factor, samples)).sum::<usize>() as f64;
-        let (first, second) = (all(m), all(n));
+        let [own, stretches] = stretches;
+        let terms = |factor: usize, samples: usize| (samples + 1).saturating_sub(2 * factor);
+        let all = |stretches: &[(usize, usize)], factor: usize| {
+            let each = stretches.iter().map(|(samples, count)| count * terms(factor, *samples));
+            each.sum::<usize>() as f64
+        };
+        // Differences at the shorter time outside of the stretches with longer ones hang together with none of these.
+        let (first, second) = (all(own, m).max(all(stretches, m)), all(stretches, n));
         if first == 0.0 || second == 0.0 {
             return None;
         }
@@ -48,14 +53,15 @@ impl OctavePair {
         }
         // Pairs of differences of which the second begins `lag` intervals after the first.
         let pairs = |lag: i64| {
-            let each = stretches.iter().map(|samples| {
-                let [a, b] = [m, n].map(|factor| signed(terms(factor, samples)));
-                (a.min(b - lag) - 0.max(-lag)).max(0) as f64
+            let each = stretches.iter().map(|(samples, count)| {
+                let [a, b] = [m, n].map(|factor| signed(terms(factor, *samples)));
+                *count as f64 * (a.min(b - lag) - 0.max(-lag)).max(0) as f64
             });
             each.sum::<f64>()
         };
         // Where a stretch has few differences, each lag counts.
-        let most = |factor: usize| stretches.iter().map(|samples| terms(factor, samples)).max().unwrap_or(0);
+        let most =
+            |factor: usize| stretches.iter().map(|(samples, _)| terms(factor, *samples)).max().unwrap_or(0);
         let (first_most, second_most) = (most(m), most(n));
         let finest = (m / FINENESS).min((first_most + second_most) / (2 * FINENESS)).max(1);
         let smooth = SmoothCovariance::of(self, 1 << finest.ilog2());
@@ -233,12 +239,12 @@ mod tests {
             ];
             // The formula of a random walk is that of continuous time.
             for (part, published) in published.into_iter().filter(|(part, _)| *part != WALK || factor > 1) {
-                let freedom = 2.0 / pure(part, [factor as usize; 2]).covariance(&[2000]).unwrap();
+                let freedom = 2.0 / pure(part, [factor as usize; 2]).covariance([&[(2000, 1)]; 2]).unwrap();
                 assert!((freedom / published - 1.0).abs() < 0.1, "{part} {factor}: {freedom} {published}");
             }
         }
         // One difference has one degree of freedom.
-        assert!((2.0 / pure(WHITE, [1000; 2]).covariance(&[2000]).unwrap() - 1.0).abs() < 0.01);
+        assert!((2.0 / pure(WHITE, [1000; 2]).covariance([&[(2000, 1)]; 2]).unwrap() - 1.0).abs() < 0.01);
     }
 
     /// Records of white noise and quantisation: the covariances of their variances, by 4000 of them.
@@ -276,9 +282,18 @@ mod tests {
                 let [a, b] = [mean(&found[i]), mean(&found[j])];
                 let products = found[i].iter().zip(&found[j]).map(|(x, y)| (x / a - 1.0) * (y / b - 1.0));
                 let simulated = products.sum::<f64>() / RECORDS as f64;
-                let computed = pair.covariance(&[SAMPLES]).unwrap();
-                // A covariance of so many pairs is known to √((1 + r²)/4000) of the root of both variances, 2 % or so.
-                assert!((computed / simulated - 1.0).abs() < 0.12, "{m} {n}: {computed} {simulated}");
+                let own = |factor: usize, place: usize| {
+                    let own = shares.map(|share| [share[place]; 2]);
+                    let pair = OctavePair { factors: [factor; 2], shares: own, memory: 0.0 };
+                    pair.covariance([&[(SAMPLES, 1)]; 2]).unwrap()
+                };
+                let scale = (own(m, 0) * own(n, 1)).sqrt();
+                let correlation = pair.covariance([&[(SAMPLES, 1)]; 2]).unwrap() / scale;
+                // The covariance of so many normal pairs of correlation r scatters by √((1 + r²)/4000) of the root of both variances: a weak
+                // correlation is known to no part of itself.
+                let scatter = ((1.0 + correlation.powi(2)) / RECORDS as f64).sqrt();
+                let off = simulated / scale - correlation;
+                assert!(off.abs() < 4.0 * scatter, "{m} {n}: {correlation}, off by {off}, scatter {scatter}");
             }
         }
     }

@@ -76,6 +76,19 @@ impl UncertainEstimate {
         }
     }
 
+    /// So many times the number.
+    pub(super) fn times(&self, factor: f64) -> Self {
+        let [low, high] = self.interval.map(|end| factor * end);
+        Self {
+            value: factor * self.value,
+            by_records: factor.abs() * self.by_records,
+            expanded_by_records: factor.abs() * self.expanded_by_records,
+            uncertainty: factor.abs() * self.uncertainty,
+            interval: [low.min(high), low.max(high)],
+            ..*self
+        }
+    }
+
     /// States this interval instead.
     fn state(&mut self, interval: [f64; 2]) {
         self.interval = interval;

@@ -1,6 +1,9 @@
 //! What a record of a unit determines, in the shape that tables, JSON and the certificate share.
 
-use super::outcome::UncertainEstimate;
+use super::file::InertialUnit;
+use super::outcome::{CalibratedGyroscope, UncertainEstimate};
+use super::tone::AXES;
+use crate::config::Channels;
 use crate::config::kinds::KindOf;
 use crate::metrology::{Budget, Distribution, Evaluation, Input, StandardUncertainty};
 use kalmems_figures::{Figure, TextTable};
@@ -146,6 +149,59 @@ impl RecordOutcome {
             warnings: Vec::new(),
             not_stated: Vec::new(),
         }
+    }
+
+    /// Adds the scale factors of sensors that give codes of a converter as codes by the unit: the stated sensitivity times the scale factor.
+    pub(super) fn push_sensitivities(&mut self, unit: &InertialUnit) {
+        let each = [
+            (unit.channels.as_ref(), QuantityUnit::other("LSB/(rad/s)", 1.0_f64.to_radians(), "LSB/(deg/s)")),
+            (unit.accelerometers.as_ref(), QuantityUnit::other("LSB/(m/s^2)", STANDARD_GRAVITY, "LSB/gn")),
+        ];
+        let mut found = Vec::new();
+        for (place, (channels, unit)) in each.into_iter().enumerate() {
+            let choices = channels.into_iter().flat_map(Channels::choices);
+            for (axis, choice) in choices.filter(|(_, choice)| choice.sensitivity().is_some()) {
+                let scale = choice.reading().and_then(|reading| reading.scale.as_ref());
+                let Some(by) = scale.map(|scale| scale.si().recip()) else { continue };
+                let is_of = |name: &str| {
+                    let (sensor, rest) = name.split_once("scale_factor_").unwrap_or((name, ""));
+                    let is_force = sensor == "accelerometer_";
+                    let is_axis =
+                        rest == axis || rest.strip_prefix(axis).is_some_and(|rest| rest.starts_with("_at_"));
+                    is_axis && is_force == (place == 1)
+                };
+                for own in self.quantities.iter().filter(|own| is_of(&own.name)) {
+                    let mut budget = own.budget.clone();
+                    budget.iter_mut().for_each(|input| input.sensitivity *= by);
+                    let name = own.name.replace("scale_factor", "sensitivity");
+                    found.push(CalibratedQuantity { name, unit, estimate: own.estimate.times(by), budget });
+                }
+            }
+        }
+        self.quantities.extend(found);
+    }
+
+    /// The scale factors under vibration in codes by the unit; none of a sensor whose sensitivity is not stated.
+    pub(super) fn sensitivities_under_vibration(
+        result: &CalibratedGyroscope,
+        unit: &InertialUnit,
+    ) -> Option<Self> {
+        let title = format!("Sensitivity: {}, {}", result.condition, result.reference);
+        let mut outcome =
+            Self::new("condition", title, "Sensitivities are the stated ones times the scale factors.");
+        let name = format!("scale_factor_{}", AXES[result.main]);
+        let whole = result.withheld.is_none().then(|| (name.clone(), result.scale_factor));
+        let at = result.by_frequency.iter();
+        let each = at.map(|at| (format!("{name}_at_{:.2}_hz", at.frequency_hz), at.scale_factor));
+        for (name, estimate) in whole.into_iter().chain(each) {
+            let inputs = result.budget.iter().filter_map(|part| part.input.clone());
+            let budget = if name.contains("_at_") { Vec::new() } else { inputs.collect() };
+            outcome.quantities.push(CalibratedQuantity { name, unit: QuantityUnit::RATIO, estimate, budget });
+        }
+        let factors = outcome.quantities.len();
+        outcome.push_sensitivities(unit);
+        outcome.quantities.drain(..factors);
+        (!outcome.quantities.is_empty()).then_some(outcome)
     }
 
     /// Adds a number; one that the record does not determine is named instead.

@@ -1,15 +1,29 @@
-//! The record at rest of a calibration file: read, divided at its gaps, and looked at for motion.
+//! The records at rest of a calibration file: read in parts, divided at their gaps, and looked at for motion.
 
 use super::error::CalibrationError;
-use super::files::InputFiles;
+use super::file::{InertialUnit, RestRecord, is_per_record};
+use super::files::{InputFiles, columns, require_usable_record, require_within};
 use super::motion::{RestMotion, motions};
-use super::rest::{AxisAtRest, InertialSensor, finite_runs};
+use super::rest::{AxisAtRest, InertialSensor};
+use super::rest_lines::RestLines;
+use super::rest_samples::RestSamples;
 use super::rest_spectrum::{RestLine, RestSpectrum};
+use super::stretches::{MissingBefore, StretchFinder};
 use super::tone::AXES;
-use super::unit_record::UnitSamples;
-use crate::config::Key;
+use super::unit_record::{RecordOfUnit, irregular, off_nominal};
+use crate::config::{Clock, Key};
+use crate::estimate::EstimateError;
+use crate::recording::{Finding, FindingKind, Stretch, StretchSize};
+use crate::units::{Kind, kind};
+use std::borrow::Cow;
+use std::ops::Range;
+use std::path::Path;
 
-/// What the record at rest shows.
+/// Rows that are read at a time, and rows around them among which the earliest times of bursts are looked for.
+const PART: usize = 1 << 16;
+const AROUND: usize = 1 << 10;
+
+/// What the records at rest show.
 #[derive(Default)]
 pub(super) struct MeasuredRest {
     pub axes: Vec<AxisAtRest>,
@@ -21,60 +35,262 @@ pub(super) struct MeasuredRest {
 
 pub(super) fn measure(files: &mut InputFiles) -> Result<MeasuredRest, CalibrationError> {
     let file = files.file;
-    let Some(record) = &file.rest else { return Ok(MeasuredRest::default()) };
-    let record = record.of_unit(&file.gyroscope);
-    let mut samples = record.read(files, Key::from("rest").child("file"))?;
-    let mut found = MeasuredRest { remarks: std::mem::take(&mut samples.remarks), ..MeasuredRest::default() };
-    for (sensor, channels, all) in [
-        (InertialSensor::Gyroscope, record.channels, samples.rates()),
-        (InertialSensor::Accelerometer, record.accelerometers, samples.forces()),
-    ] {
-        for (axis, values) in AXES.into_iter().zip(all) {
-            let Some((values, column)) = values.zip(channels.and_then(|c| c.column(axis))) else {
-                continue;
-            };
-            let place = format!("{}, column `{column}`", samples.place);
-            found.measure(&samples, (sensor, axis), values, &place)?;
+    let Some(rest) = &file.rest else { return Ok(MeasuredRest::default()) };
+    let mut reading = RestReading::of(rest, rest.of_unit(&file.gyroscope));
+    reading.read_all(files, rest)?;
+    if rest.subtract_lines {
+        let of = |channel: &RestChannel| {
+            RestSpectrum::of(channel.samples.longest()).map_or_else(Vec::new, |found| found.lines())
+        };
+        let lines: Vec<RestLines> =
+            reading.channels.iter().map(|channel| RestLines::of(of(channel))).collect();
+        if lines.iter().any(|lines| !lines.is_empty()) {
+            reading = RestReading::of(rest, rest.of_unit(&file.gyroscope));
+            for (channel, lines) in reading.channels.iter_mut().zip(lines) {
+                channel.samples.lines = lines;
+            }
+            reading.read_all(files, rest)?;
         }
+    }
+    let interval_s = reading.interval_sum_s / reading.rows;
+    let mut found = MeasuredRest { remarks: reading.remarks, ..MeasuredRest::default() };
+    // One after the other, as each holds what the spectrum is taken of.
+    for channel in reading.channels {
+        found.measure(channel, interval_s)?;
     }
     Ok(found)
 }
 
-impl MeasuredRest {
-    fn measure(
+/// A channel of the unit, and what was read of it.
+struct RestChannel<'a> {
+    sensor: InertialSensor,
+    axis: &'static str,
+    column: &'a str,
+    place: String,
+    samples: RestSamples,
+}
+
+/// The files of records at rest while they are read.
+struct RestReading<'a> {
+    record: RecordOfUnit<'a>,
+    channels: Vec<RestChannel<'a>>,
+    /// The stretches of the present record by its times, and its name.
+    finder: Option<StretchFinder>,
+    labels: Vec<String>,
+    /// Samples of the present record, missing ones included.
+    place: f64,
+    /// The interval of the samples in s, summed up over the rows, as that of a longer record is known better.
+    interval_sum_s: f64,
+    rows: f64,
+    remarks: Vec<String>,
+}
+
+impl<'a> RestReading<'a> {
+    fn of(rest: &RestRecord, record: RecordOfUnit<'a>) -> Self {
+        let each = [
+            (InertialSensor::Gyroscope, record.channels),
+            (InertialSensor::Accelerometer, record.accelerometers),
+        ];
+        let channels = each.into_iter().flat_map(|(sensor, channels)| {
+            let found = AXES.into_iter().filter_map(move |axis| Some((axis, channels?.column(axis)?)));
+            found.map(move |(axis, column)| {
+                let place = format!("{}, column `{column}`", rest.file.display());
+                RestChannel { sensor, axis, column, place, samples: RestSamples::default() }
+            })
+        });
+        Self {
+            channels: channels.collect(),
+            record,
+            finder: None,
+            labels: Vec::new(),
+            place: 0.0,
+            interval_sum_s: 0.0,
+            rows: 0.0,
+            remarks: Vec::new(),
+        }
+    }
+
+    fn read_all(&mut self, files: &mut InputFiles, rest: &RestRecord) -> Result<(), CalibrationError> {
+        let file = files.file;
+        if !is_per_record(&rest.file) {
+            return self.read(files, &file.resolve(&rest.file, ""), rest.records.as_deref());
+        }
+        let names = rest.records.iter().flatten();
+        names.into_iter().try_for_each(|name| self.read(files, &file.resolve(&rest.file, name), None))
+    }
+
+    /// Reads a file: all its records, or those of these names.
+    fn read(
         &mut self,
-        samples: &UnitSamples,
-        (sensor, axis): (InertialSensor, &'static str),
-        values: &[f64],
-        place: &str,
+        files: &mut InputFiles,
+        path: &Path,
+        wanted: Option<&[String]>,
     ) -> Result<(), CalibrationError> {
-        let (time, remarks) = (&samples.time, &mut self.remarks);
-        let whole = time.rows.iter().map(|rows| values.get(rows.clone()).unwrap_or_default());
-        let runs: Vec<&[f64]> = whole.flat_map(finite_runs).collect();
-        let count = runs.iter().map(|run| run.len()).sum();
-        let found = AxisAtRest::of_stretches(axis, &runs, time.interval_s);
-        let found =
-            found.ok_or_else(|| CalibrationError::Rest { place: place.to_owned(), samples: count })?;
-        let found = AxisAtRest { sensor, ..found };
-        if runs.len() > 1 {
-            let longest = runs.iter().map(|run| run.len()).max().unwrap_or(0) as f64 * time.interval_s;
+        let unit = &files.file.gyroscope;
+        let size = StretchSize { rows: PART, first: PART, before: AROUND, after: AROUND };
+        let (mut failed, mut file) = (None, String::new());
+        let before = (self.interval_sum_s, self.rows);
+        self.labels.clear();
+        let layout = self.record.layout(unit);
+        let found = files.read_in_parts(Key::from("rest").child("file"), path, &layout, size, |stretch| {
+            file.clone_from(&stretch.recording.source().file);
+            if failed.is_none() {
+                failed = self.take(unit, stretch, wanted).err();
+            }
+        })?;
+        if let Some(error) = failed {
+            return Err(error);
+        }
+        let is_wanted = |label: &String| wanted.is_none_or(|wanted| wanted.contains(label));
+        if let Some(missing) = wanted.and_then(|all| all.iter().find(|name| !self.labels.contains(name))) {
+            let (place, record) = (path.display().to_string(), missing.clone());
+            return Err(CalibrationError::NoRecord { place, record, known: self.labels.clone() });
+        }
+        let used = [columns(self.record.channels), columns(self.record.accelerometers)].concat();
+        for label in self.labels.iter().filter(|label| is_wanted(label)) {
+            require_usable_record(&found, &file, label, &used)?;
+            // Of noise about a mean a part beyond the range is no gap: what is left has another mean.
+            let beyond = found.iter().find(|finding| {
+                finding.kind == FindingKind::Overload
+                    && finding.column.as_deref().is_some_and(|column| used.contains(&column))
+                    && finding.segment.as_ref().is_none_or(|segment| segment == label)
+            });
+            if let Some(Finding { column, count, .. }) = beyond {
+                let (place, column) = (file.clone(), column.clone().unwrap_or_default());
+                return Err(EstimateError::Clipped { place, column, count: *count }.into());
+            }
+        }
+        let interval_s = (self.interval_sum_s - before.0) / (self.rows - before.1);
+        self.remarks.extend(off_nominal(&file, interval_s, unit, self.record.clock));
+        Ok(())
+    }
+
+    fn take(
+        &mut self,
+        unit: &InertialUnit,
+        stretch: &Stretch,
+        wanted: Option<&[String]>,
+    ) -> Result<(), CalibrationError> {
+        let recording = &stretch.recording;
+        let [segment] = recording.segments() else { return Ok(()) };
+        if stretch.begins {
+            self.labels.push(segment.label.clone());
+        }
+        if wanted.is_some_and(|wanted| !wanted.contains(&segment.label)) {
+            return Ok(());
+        }
+        let fresh = stretch.fresh.clone();
+        let mut missing = Vec::new();
+        if let Some(Clock::Column(_)) = self.record.clock {
+            let time_s = segment.time.to_vec();
+            if stretch.begins {
+                self.finder = StretchFinder::of(&time_s);
+            }
+            if let Some(finder) = &mut self.finder {
+                missing = finder.take(&time_s, fresh.clone());
+            }
+        }
+        let places = self.places(&fresh, &missing);
+        for channel in &mut self.channels {
+            let kind: &Kind = match channel.sensor {
+                InertialSensor::Gyroscope => &kind::ANGULAR_RATE,
+                InertialSensor::Accelerometer => &kind::ACCELERATION,
+            };
+            let mut values = Cow::Borrowed(recording.column_of(channel.column, kind)?.of(segment));
+            if channel.sensor == InertialSensor::Gyroscope {
+                require_within(unit, &values, (&recording.source().file, channel.column))?;
+            }
+            if !channel.samples.lines.is_empty()
+                && let Some(fresh) = values.to_mut().get_mut(fresh.clone())
+            {
+                channel.samples.lines.subtract(&places, fresh);
+            }
+            let mut from = fresh.start;
+            let end = MissingBefore { row: fresh.end, samples: 0 };
+            for MissingBefore { row, samples } in missing.iter().copied().chain([end]) {
+                let part = values.get(from..row).unwrap_or_default();
+                channel.samples.take(part, |place| segment.time.at(from + place));
+                if samples > 0 {
+                    channel.samples.skip(samples);
+                }
+                from = row;
+            }
+            if stretch.ends {
+                channel.samples.end_record();
+            }
+        }
+        if stretch.ends {
+            self.place = 0.0;
+        }
+        let rows = fresh.len() as f64;
+        self.rows += rows;
+        // By its times the interval is known at the end of the record.
+        let by_rate = || segment.time.interval_s().filter(|_| self.finder.is_none());
+        self.interval_sum_s += rows * by_rate().unwrap_or(0.0);
+        if stretch.ends
+            && let Some(finder) = self.finder.take()
+        {
+            let found = finder.finish();
+            let rows = found.rows.iter().map(|rows| rows.len()).sum::<usize>();
+            self.interval_sum_s += rows as f64 * found.interval_s;
+            self.remarks.extend(irregular(&recording.source().file, &segment.label, &found));
+        }
+        Ok(())
+    }
+}
+
+impl RestReading<'_> {
+    /// The places of the next rows in their record, in samples.
+    fn places(&mut self, fresh: &Range<usize>, missing: &[MissingBefore]) -> Vec<f64> {
+        let mut missing = missing.iter().peekable();
+        let each = fresh.clone().map(|row| {
+            let gap = missing.next_if(|gap| gap.row == row).map_or(0, |gap| gap.samples);
+            self.place += (1 + gap) as f64;
+            self.place - 1.0
+        });
+        each.collect()
+    }
+}
+
+impl MeasuredRest {
+    fn measure(&mut self, channel: RestChannel, interval_s: f64) -> Result<(), CalibrationError> {
+        let RestChannel { sensor, axis, place, mut samples, .. } = channel;
+        let spectrum = RestSpectrum::of(samples.longest());
+        samples.forget_longest();
+        let found = AxisAtRest::of_samples(axis, &samples, interval_s);
+        let Some(found) = found else {
+            return Err(CalibrationError::Rest { place, samples: samples.count() });
+        };
+        let remarks = &mut self.remarks;
+        if found.gaps > 0 {
+            let places =
+                if found.gaps == 1 { "one place".to_owned() } else { format!("{} places", found.gaps) };
             remarks.push(format!(
-                "{place}: at rest it is in {} stretches, as samples or their numbers are missing between them; the longest lasts {longest:.4} s. \
-                 No difference is taken across a gap, so that averaging times beyond half of that are not known.",
-                runs.len()
+                "{place}: samples or their numbers are missing in {places}. A mean over an averaging time counts if at most one in ten of its samples is \
+                 missing; differences that reach further into a gap are left out."
             ));
         }
-        let all_finite = values.iter().enumerate().filter(|(_, value)| value.is_finite());
-        let rows: Vec<usize> = all_finite.map(|(row, _)| row).collect();
-        let spectrum = runs.iter().max_by_key(|run| run.len()).and_then(|longest| RestSpectrum::of(longest));
         let lines = spectrum.iter().flat_map(RestSpectrum::lines);
         let found = AxisAtRest {
-            density: spectrum.as_ref().map_or_else(Vec::new, |spectrum| spectrum.density(time.interval_s)),
-            lines: lines.map(|line| [line.frequency / time.interval_s, line.amplitude]).collect(),
+            sensor,
+            density: spectrum.as_ref().map_or_else(Vec::new, |spectrum| spectrum.density(interval_s)),
+            lines: lines.map(|line| [line.frequency / interval_s, line.amplitude]).collect(),
             ..found
         };
-        for motion in motions(&runs, spectrum.as_ref()) {
-            let said = describe(&motion, samples, &rows, sensor.unit());
+        if let [first, ..] = &found.subtracted[..] {
+            remarks.push(format!(
+                "{place}: {} of its spectrum were fitted by sines and subtracted, the largest {:.3e} {} at {:.6} Hz.",
+                match found.subtracted.len() {
+                    1 => "one line".to_owned(),
+                    several => format!("{several} lines"),
+                },
+                first[1],
+                sensor.unit(),
+                first[0]
+            ));
+        }
+        for motion in motions(&samples, spectrum.as_ref()) {
+            let said = describe(&motion, interval_s, sensor.unit());
             self.motions.push(format!("{place}: the record is called one at rest, and {said}"));
         }
         if let Some(why) = &found.not_fitted {
@@ -99,22 +315,17 @@ impl MeasuredRest {
     }
 }
 
-fn describe(motion: &RestMotion, samples: &UnitSamples, rows: &[usize], unit: &str) -> String {
-    let time = |sample: usize| {
-        samples.time_s(rows.get(sample.min(rows.len().saturating_sub(1))).copied().unwrap_or(0))
-    };
+fn describe(motion: &RestMotion, interval_s: f64, unit: &str) -> String {
     match motion {
-        RestMotion::Passing { samples, times } => format!(
-            "between {:.6} s and {:.6} s it moves: the standard deviation there is up to {times:.1} times the usual (noise alone \
-             shows that in less than one record of 1000). Leave that time out: bias, noise and deviations are not those of rest.",
-            time(samples.start),
-            time(samples.end.saturating_sub(1)),
+        RestMotion::Passing { time_s: [first, last], times } => format!(
+            "between {first:.6} s and {last:.6} s it moves: the standard deviation there is up to {times:.1} times the usual (noise alone \
+             shows that in less than one record of 1000). Leave that time out: bias, noise and deviations are not those of rest."
         ),
         RestMotion::Line(RestLine { frequency, amplitude }) => format!(
             "a line of {amplitude:.3e} {unit} at {:.6} Hz stands out of its noise (noise alone shows one in less than one record \
              of 1000): it vibrates, or something interferes. The deviations at times about half a cycle of it are not those of \
              rest.",
-            frequency / samples.time.interval_s
+            frequency / interval_s
         ),
     }
 }

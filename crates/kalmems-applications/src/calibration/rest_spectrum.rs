@@ -7,7 +7,7 @@ use kalmems_core::Portable;
 /// The ratio of the middle of a band of the spectrum to its ends, the first bin that is looked at, and samples of one transform at most.
 const BAND: f64 = 1.25;
 const FIRST_BIN: usize = 33;
-const LONGEST: usize = 1 << 20;
+pub(super) const LONGEST: usize = 1 << 20;
 /// What noise may exceed its expectation by in power, as it is not flat within a band.
 const SLOPE: f64 = 4.0;
 /// Bins to either side that belong to one line, and lines at most.

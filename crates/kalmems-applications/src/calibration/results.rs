@@ -2,7 +2,7 @@
 
 use super::certificate::{Certificate, certificate_page};
 use super::comparison::ReferenceComparison;
-use super::compensation_header::header;
+use super::compensation_sources::{header, rust_module};
 use super::noise_yaml::noise_yaml;
 use crate::WriteError;
 use crate::calibration::{
@@ -783,17 +783,21 @@ fn of_density(rests: &[&AxisAtRest], sensor: InertialSensor) -> Figure {
             let fitted: Vec<(f64, f64)> = rest.density.iter().map(|[f, _]| (*f, of(*f))).collect();
             panel = panel.with(Series::line("fitted noise", SeriesRole::Model, fitted));
         }
-        let lines: Vec<(f64, f64)> =
-            rest.lines.iter().map(|[f, amplitude]| (*f, 0.5 * amplitude * rest.duration_s.sqrt())).collect();
-        if !lines.is_empty() {
-            panel = panel.with(Series::points("lines", SeriesRole::Estimate, lines));
+        for (label, role, lines) in [
+            ("lines", SeriesRole::Estimate, &rest.lines),
+            ("subtracted lines", SeriesRole::Reference, &rest.subtracted),
+        ] {
+            let points = lines.iter().map(|[f, amplitude]| (*f, 0.5 * amplitude * rest.duration_s.sqrt()));
+            if !lines.is_empty() {
+                panel = panel.with(Series::points(label, role, points.collect::<Vec<_>>()));
+            }
         }
         figure.with(panel)
     })
 }
 
 /// Writes a calibration into a result: `calibration.json`, `calibration.csv` (a line for each entry of K and each bias),
-/// `records.csv`, `allan.csv` and `imu.yaml` where there is a record at rest, `temperature.json` and `temperature.h` where there are polynomials of the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
+/// `records.csv`, `allan.csv` and `imu.yaml` where there is a record at rest, `temperature.json`, `temperature.h` and `temperature.rs` where there are polynomials of the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
 /// `figures/`, `run.toml`.
 pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) -> Result<(), WriteError> {
     let input_id = input_id(found);
@@ -823,6 +827,7 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
             writeln!(w)
         })?;
         output.write("temperature.h", |w| w.write_all(header(&compensation).as_bytes()))?;
+        output.write("temperature.rs", |w| w.write_all(rust_module(&compensation).as_bytes()))?;
     }
     let figures = calibration_figures(found);
     let html = explained(page(found, &figures)).to_html()?;

@@ -3,11 +3,13 @@
 use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::linear_model::LinearModel;
-use super::quantities::{QuantityUnit, RecordOutcome, STANDARD_GRAVITY, TemperaturePolynomial, by_scatter};
+use super::quantities::{
+    CalibratedQuantity, QuantityUnit, RecordOutcome, STANDARD_GRAVITY, TemperaturePolynomial, by_scatter,
+};
 use super::rest::InertialSensor;
 use super::tone::AXES;
 use super::unit_record::UnitSamples;
-use crate::calibration::file::{GyroscopeCalibration, RatesRecord};
+use crate::calibration::file::GyroscopeCalibration;
 use crate::config::{Key, Quantity};
 use crate::fit::{Fit, FitError};
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -130,6 +132,27 @@ impl FittedPolynomial {
     }
 }
 
+/// The unit of a coefficient of this power of the temperature.
+fn per_kelvin(of: QuantityUnit, power: usize) -> QuantityUnit {
+    let (units, factor, shown) = match of.unit {
+        "rad/s" => (
+            ["rad/s", "rad/s/K", "rad/s/K^2", "rad/s/K^3", "rad/s/K^4"],
+            of.factor,
+            ["deg/h", "deg/h/K", "deg/h/K^2", "deg/h/K^3", "deg/h/K^4"],
+        ),
+        "m/s^2" => (
+            ["m/s^2", "m/s^2/K", "m/s^2/K^2", "m/s^2/K^3", "m/s^2/K^4"],
+            of.factor,
+            ["ugn", "ugn/K", "ugn/K^2", "ugn/K^3", "ugn/K^4"],
+        ),
+        _ => {
+            (["1", "1/K", "1/K^2", "1/K^3", "1/K^4"], 1e6, ["ppm", "ppm/K", "ppm/K^2", "ppm/K^3", "ppm/K^4"])
+        }
+    };
+    let power = power.min(COEFFICIENTS - 1);
+    if power == 0 { of } else { QuantityUnit::other(units[power], factor, shown[power]) }
+}
+
 fn powers(off: f64) -> [f64; COEFFICIENTS] {
     let mut power = 1.0;
     std::array::from_fn(|_| {
@@ -153,23 +176,13 @@ impl TemperatureCycle<'_> {
 
     /// The unit of a coefficient.
     fn unit(&self, power: usize) -> QuantityUnit {
-        let ([units, shown], factor) = match self.sensor {
-            InertialSensor::Gyroscope => (
-                [
-                    ["rad/s", "rad/s/K", "rad/s/K^2", "rad/s/K^3", "rad/s/K^4"],
-                    ["deg/h", "deg/h/K", "deg/h/K^2", "deg/h/K^3", "deg/h/K^4"],
-                ],
-                3600.0_f64.to_degrees(),
-            ),
-            InertialSensor::Accelerometer => (
-                [
-                    ["m/s^2", "m/s^2/K", "m/s^2/K^2", "m/s^2/K^3", "m/s^2/K^4"],
-                    ["ugn", "ugn/K", "ugn/K^2", "ugn/K^3", "ugn/K^4"],
-                ],
-                1e6 / STANDARD_GRAVITY,
-            ),
-        };
-        QuantityUnit::other(units[power.min(4)], factor, shown[power.min(4)])
+        per_kelvin(
+            match self.sensor {
+                InertialSensor::Gyroscope => QuantityUnit::rate(),
+                InertialSensor::Accelerometer => QuantityUnit::other("m/s^2", 1e6 / STANDARD_GRAVITY, "ugn"),
+            },
+            power,
+        )
     }
 
     /// The means of blocks with the direction of the temperature in each.
@@ -347,64 +360,76 @@ fn directions(blocks: &[TemperatureBlock], turn: f64) -> Vec<(TemperatureBlock, 
     found
 }
 
-/// Scale factors of the records on a rate table at several temperatures: for each axis with three or more a polynomial of the temperature.
+/// What of a record on a rate table becomes a polynomial of the temperature.
+const OVER_TEMPERATURE: [&str; 3] = ["scale_factor_", "bias_", "cross_axis_sensitivity_"];
+
+/// Scale factors, biases and cross-axis sensitivities of the records on a rate table at several temperatures: for each axis with three or more a
+/// polynomial of the temperature.
 pub(super) fn of_rates(
     file: &GyroscopeCalibration,
     rates: &[RecordOutcome],
 ) -> Result<Option<RecordOutcome>, CalibrationError> {
-    let mut outcome =
-        RecordOutcome::new("scale_over_temperature", "Scale factors over the temperature", OF_RATES);
+    let mut outcome = RecordOutcome::new("rates_over_temperature", "Rates over the temperature", OF_RATES);
     for (index, axis) in AXES.into_iter().enumerate() {
-        let of_axis = |record: &&(&RatesRecord, &RecordOutcome)| record.0.axis.index() == index;
-        let pairs: Vec<(&RatesRecord, &RecordOutcome)> = file.rates.iter().zip(rates).collect();
-        let name = format!("scale_factor_{axis}");
-        let blocks: Vec<TemperatureBlock> = pairs
-            .iter()
-            .filter(of_axis)
-            .filter_map(|(record, outcome)| {
-                let temperature = record.temperature.as_ref()?.si();
-                Some(TemperatureBlock { temperature, value: outcome.estimate(&name)?.value })
-            })
+        let of_axis: Vec<(f64, &RecordOutcome)> = (file.rates.iter().zip(rates))
+            .filter(|(record, _)| record.axis.index() == index)
+            .filter_map(|(record, found)| Some((record.temperature.as_ref()?.si(), found)))
             .collect();
-        let temperatures = || blocks.iter().map(|block| block.temperature);
-        let range =
-            [temperatures().fold(f64::INFINITY, f64::min), temperatures().fold(f64::NEG_INFINITY, f64::max)];
-        if blocks.len() < 3 || range[1] - range[0] <= 0.0 {
-            continue;
+        let of_first = of_axis.first().map_or(&[][..], |(_, first)| &first.quantities);
+        for CalibratedQuantity { name, unit, .. } in
+            of_first.iter().filter(|own| OVER_TEMPERATURE.iter().any(|kind| own.name.starts_with(kind)))
+        {
+            let found = |(temperature, record): &(f64, &RecordOutcome)| {
+                let value = record.estimate(name)?.value;
+                Some(TemperatureBlock { temperature: *temperature, value })
+            };
+            let blocks: Vec<TemperatureBlock> = of_axis.iter().filter_map(found).collect();
+            let temperatures = || blocks.iter().map(|block| block.temperature);
+            let range_k = [
+                temperatures().fold(f64::INFINITY, f64::min),
+                temperatures().fold(f64::NEG_INFINITY, f64::max),
+            ];
+            if blocks.len() < 3 || range_k[1] - range_k[0] <= 0.0 {
+                continue;
+            }
+            let reference_k = range_k[0].midpoint(range_k[1]);
+            let order = if blocks.len() < 5 { 1 } else { 2 };
+            let place = || format!("the rates of {axis}");
+            let failed = |fault: FitError| CalibrationError::RecordFit { place: place(), fault };
+            let terms: Vec<[f64; COEFFICIENTS]> =
+                blocks.iter().map(|block| powers(block.temperature - reference_k)).collect();
+            let values: Vec<f64> = blocks.iter().map(|block| block.value).collect();
+            let fit = LinearModel { terms: &terms, values: &values }
+                .fit(std::array::from_fn(|coefficient| coefficient <= order))
+                .map_err(failed)?;
+            for power in 0..=order {
+                let coefficient = fit.parameter(power);
+                let inputs = by_scatter(coefficient.deviation, fit.degrees_of_freedom);
+                outcome.push_known(
+                    format!("{name}_{power}"),
+                    per_kelvin(*unit, power),
+                    coefficient.value,
+                    inputs,
+                );
+            }
+            // A cycle at rest tells the bias at more temperatures.
+            if name.starts_with("bias_") && file.temperature.is_some() {
+                continue;
+            }
+            outcome.compensation.push(TemperaturePolynomial {
+                name: format!("gyroscope_{name}"),
+                unit: unit.unit,
+                reference_k,
+                range_k,
+                coefficients: fit.parameters[..=order].to_vec(),
+            });
         }
-        let reference = 0.5 * (range[0] + range[1]);
-        let order = if blocks.len() < 5 { 1 } else { 2 };
-        let failed =
-            |fault: FitError| CalibrationError::RecordFit { place: format!("the rates of {axis}"), fault };
-        let terms: Vec<[f64; COEFFICIENTS]> =
-            blocks.iter().map(|block| powers(block.temperature - reference)).collect();
-        let values: Vec<f64> = blocks.iter().map(|block| block.value).collect();
-        let fit = LinearModel { terms: &terms, values: &values }
-            .fit(std::array::from_fn(|coefficient| coefficient <= order))
-            .map_err(failed)?;
-        let units = [
-            QuantityUnit::RATIO,
-            QuantityUnit::other("1/K", 1e6, "ppm/K"),
-            QuantityUnit::other("1/K^2", 1e6, "ppm/K^2"),
-        ];
-        for (power, unit) in units.into_iter().enumerate().take(order + 1) {
-            let coefficient = fit.parameter(power);
-            let inputs = by_scatter(coefficient.deviation, fit.degrees_of_freedom);
-            outcome.push_known(format!("{name}_{power}"), unit, coefficient.value, inputs);
-        }
-        outcome.compensation.push(TemperaturePolynomial {
-            name: format!("gyroscope_{name}"),
-            unit: "1",
-            reference_k: reference,
-            range_k: range,
-            coefficients: fit.parameters[..=order].to_vec(),
-        });
     }
     Ok((!outcome.quantities.is_empty()).then_some(outcome))
 }
 
-const OF_RATES: &str = "The scale factors of records at several temperatures are fitted by a straight line over the temperature, from five records on by a \
-    parabola; the scatter of the residuals is the type A evaluation.";
+const OF_RATES: &str = "Scale factors, biases and cross-axis sensitivities of records at several temperatures are fitted by a straight line over the \
+    temperature, from five records on by a parabola; the scatter of the residuals is the type A evaluation.";
 
 #[cfg(test)]
 mod tests {

@@ -1,12 +1,12 @@
 //! Reading a file of the unit: its channels, divided at the gaps.
 
 use super::error::CalibrationError;
-use super::files::{InputFiles, columns, require_usable};
+use super::files::{InputFiles, columns, require_usable, require_within};
 use super::stretches::{RecordStretches, stretches};
 use super::tone::AXES;
 use crate::calibration::file::InertialUnit;
 use crate::config::{Channels, Clock, ColumnChoice, FileColumns, FileFormat, Key, Segments};
-use crate::recording::{Finding, FindingKind, RecordingLayout, SampledRecording, Segment};
+use crate::recording::{Finding, FindingKind, RecordingLayout, SampledRecording};
 use crate::units::{Kind, kind};
 use std::ops::Range;
 use std::path::Path;
@@ -53,7 +53,7 @@ impl<'a> RecordOfUnit<'a> {
         FileColumns::new(self.format, clock, all).divided_by(self.segments)
     }
 
-    fn layout(&self, unit: &InertialUnit) -> RecordingLayout {
+    pub(super) fn layout(&self, unit: &InertialUnit) -> RecordingLayout {
         let clock = self.clock.cloned().unwrap_or_else(|| unit.clock());
         self.in_file(&clock).layout(None)
     }
@@ -87,6 +87,10 @@ impl<'a> RecordOfUnit<'a> {
             }
             Ok(axes)
         };
+        let rates = axes(self.channels, &kind::ANGULAR_RATE)?;
+        for column in rates.iter().flatten() {
+            require_within(unit, &recording.column(column)?.values, (&recording.source().file, column))?;
+        }
         let further = match self.further {
             Some((_, column, kind)) => {
                 recording.column_of(column.name(), kind)?;
@@ -96,7 +100,7 @@ impl<'a> RecordOfUnit<'a> {
         };
         Ok(UnitSamples {
             place: path.display().to_string(),
-            rates: axes(self.channels, &kind::ANGULAR_RATE)?,
+            rates,
             forces: axes(self.accelerometers, &kind::ACCELERATION)?,
             further,
             recording,
@@ -164,7 +168,7 @@ impl RecordTime {
                 Some(interval_s) => (whole(), interval_s),
                 None => match stretches(&segment.time.to_vec()) {
                     Some(found) => {
-                        remarks.extend(irregular(place, segment, &found));
+                        remarks.extend(irregular(place, &segment.label, &found));
                         (found.rows, found.interval_s)
                     }
                     None => (whole(), f64::NAN),
@@ -186,8 +190,8 @@ impl RecordTime {
 }
 
 /// What a reader has to know of times that are not equidistant.
-fn irregular(place: &str, segment: &Segment, found: &RecordStretches) -> Vec<String> {
-    let of = if segment.label.is_empty() { String::new() } else { format!(", segment `{}`", segment.label) };
+pub(super) fn irregular(place: &str, segment: &str, found: &RecordStretches) -> Vec<String> {
+    let of = if segment.is_empty() { String::new() } else { format!(", segment `{segment}`") };
     let mut said = Vec::new();
     if found.burst > 1 {
         said.push(format!(
@@ -210,7 +214,12 @@ fn irregular(place: &str, segment: &Segment, found: &RecordStretches) -> Vec<Str
 }
 
 /// What a column of times shows beside the nominal rate.
-fn off_nominal(place: &str, interval_s: f64, unit: &InertialUnit, clock: Option<&Clock>) -> Option<String> {
+pub(super) fn off_nominal(
+    place: &str,
+    interval_s: f64,
+    unit: &InertialUnit,
+    clock: Option<&Clock>,
+) -> Option<String> {
     let Some(Clock::Column(_)) = clock else { return None };
     let (nominal, tolerance) = (unit.rate.si(), unit.clock_tolerance.as_ref()?.si());
     let off = interval_s.recip() / nominal - 1.0;
@@ -220,7 +229,7 @@ fn off_nominal(place: &str, interval_s: f64, unit: &InertialUnit, clock: Option<
         format!(
             "{place}: its times show {:.6} Hz, {:+.3} % off the nominal rate of `{}`, and `clock_tolerance` is {:.3} %: the rate \
              of the times is used. If the unit gave its samples at another rate here, write `clock = {{ rate = \"…\" }}`; \
-             otherwise correct `gyroscope.rate` or the tolerance.",
+             otherwise correct `rate` or the tolerance.",
             interval_s.recip(),
             100.0 * off,
             unit.rate.text(),

@@ -6,5 +6,8 @@ mod certificate;
 mod example;
 mod positions;
 mod rates;
+mod refusals;
 mod simulated;
+mod sine;
 mod temperature;
+mod turns;

@@ -1,5 +1,7 @@
 //! How the mean of a rate over a time spreads from one such time to the next: Allan's deviation and its relatives.
 
+use std::collections::BTreeMap;
+
 /// Which of the deviations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Deviation {
@@ -51,52 +53,53 @@ impl Deviation {
     }
 
     fn at(self, phase: &[f64], interval_s: f64, factor: usize) -> Option<AllanDeviation> {
-        let (m, count) = (factor, phase.len());
-        if m == 0 {
+        if factor == 0 {
             return None;
         }
-        let time_s = m as f64 * interval_s;
-        let averaged = |terms: usize, squares: f64, norm: f64| {
-            let deviation = (squares / (norm * terms as f64)).sqrt() / time_s;
-            (terms > 0).then_some(AllanDeviation { factor, time_s, deviation, terms })
+        let time_s = factor as f64 * interval_s;
+        if let Self::Allan | Self::Hadamard = self {
+            // Means that do not overlap are neighbours in every m-th phase.
+            let sparse: Vec<f64> = phase.iter().copied().step_by(factor).collect();
+            let all = if self == Self::Allan { Self::Overlapping } else { Self::OverlappingHadamard };
+            let found = all.at(&sparse, time_s, 1)?;
+            return Some(AllanDeviation { factor, ..found });
+        }
+        if self == Self::Total {
+            let terms = if factor < phase.len() { phase.len().saturating_sub(2) } else { 0 };
+            let around = |k: usize| {
+                mirrored(phase, k, factor, true) + mirrored(phase, k, factor, false) - 2.0 * phase[k]
+            };
+            let squares: f64 = (1..=terms).map(|k| around(k).powi(2)).sum();
+            let deviation = (squares / (2 * terms) as f64).sqrt() / time_s;
+            return (terms > 0).then_some(AllanDeviation { factor, time_s, deviation, terms });
+        }
+        let mut sums = DifferenceSums::new(factor, 1);
+        sums.advance(phase, &[], true);
+        self.of_sums(&sums, interval_s, interval_s)
+    }
+
+    /// The deviation that sums tell, of a phase in units of `unit` times the rate.
+    pub(super) fn of_sums(self, sums: &DifferenceSums, unit: f64, interval_s: f64) -> Option<AllanDeviation> {
+        let factor = sums.step * sums.spacing;
+        let [squares, terms] = match self {
+            Self::Total => sums.total()?,
+            _ => sums.of_kind(self.kind()),
         };
-        let second = |i: usize| phase[i + 2 * m] - 2.0 * phase[i + m] + phase[i];
-        let third = |i: usize| phase[i + 3 * m] - phase[i] - 3.0 * (phase[i + 2 * m] - phase[i + m]);
-        let squares = |terms: usize, step: usize, difference: &dyn Fn(usize) -> f64| {
-            (0..terms).map(|k| difference(k * step).powi(2)).sum::<f64>()
-        };
-        // How many pieces of this length have `after` more behind their first.
-        let apart = |after: usize| (count.saturating_sub(1) / m).saturating_sub(after);
+        let averages = if self.kind() == AVERAGED { sums.step as f64 } else { 1.0 };
+        let norm = NORMS[self.kind()] * averages * averages;
+        let time_s = factor as f64 * interval_s;
+        let deviation = (squares / (norm * terms)).sqrt() / (factor as f64 * unit);
+        let deviation = if self == Self::Time { deviation * time_s / 3.0_f64.sqrt() } else { deviation };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count
+        let terms = terms as usize;
+        (terms > 0).then_some(AllanDeviation { factor, time_s, deviation, terms })
+    }
+
+    const fn kind(self) -> usize {
         match self {
-            Self::Allan => {
-                let terms = apart(1);
-                averaged(terms, squares(terms, m, &second), 2.0)
-            }
-            Self::Overlapping => {
-                let terms = count.saturating_sub(2 * m);
-                averaged(terms, squares(terms, 1, &second), 2.0)
-            }
-            Self::Hadamard => {
-                let terms = apart(2);
-                averaged(terms, squares(terms, m, &third), 6.0)
-            }
-            Self::OverlappingHadamard => {
-                let terms = count.saturating_sub(3 * m);
-                averaged(terms, squares(terms, 1, &third), 6.0)
-            }
-            Self::Modified => {
-                let terms = (count + 1).saturating_sub(3 * m);
-                averaged(terms, modified(m, terms, second), 2.0 * (m as f64).powi(2))
-            }
-            Self::Time => Self::Modified.at(phase, interval_s, factor).map(|averaged| AllanDeviation {
-                deviation: averaged.deviation * time_s / 3.0_f64.sqrt(),
-                ..averaged
-            }),
-            Self::Total => {
-                let terms = if m < count { count.saturating_sub(2) } else { 0 };
-                let around = |k: usize| mirrored(phase, k, m, true) + mirrored(phase, k, m, false);
-                averaged(terms, squares(terms, 1, &|k| around(k + 1) - 2.0 * phase[k + 1]), 2.0)
-            }
+            Self::Allan | Self::Overlapping | Self::Total => SECOND,
+            Self::Hadamard | Self::OverlappingHadamard => THIRD,
+            Self::Modified | Self::Time => AVERAGED,
         }
     }
 }
@@ -117,22 +120,6 @@ pub(super) fn phase(rate: &[f64], interval_s: f64) -> Vec<f64> {
     std::iter::once(0.0).chain(rest).collect()
 }
 
-/// Σ(Σ second differences over m)², each sum from the one before.
-fn modified(m: usize, terms: usize, second: impl Fn(usize) -> f64) -> f64 {
-    let mut squares = 0.0;
-    let mut sum = 0.0;
-    for k in 0..terms {
-        if k % m == 0 {
-            // From the start again, before what is added and taken away leaves its rounding.
-            sum = (k..k + m).map(&second).sum();
-        } else {
-            sum += second(k + m - 1) - second(k - 1);
-        }
-        squares += sum * sum;
-    }
-    squares
-}
-
 /// The phase m after or before k, in the record continued by its mirror images about its ends.
 fn mirrored(phase: &[f64], k: usize, m: usize, later: bool) -> f64 {
     let last = phase.len() - 1;
@@ -141,5 +128,218 @@ fn mirrored(phase: &[f64], k: usize, m: usize, later: bool) -> f64 {
         (true, _) => 2.0 * phase[last] - phase[2 * last - k - m],
         (false, Some(at)) => phase[at],
         (false, None) => 2.0 * phase[0] - phase[m - k],
+    }
+}
+
+/// Second differences, third ones, and second ones averaged over the averaging time; and the mean square of each in units of the variance.
+const SECOND: usize = 0;
+const THIRD: usize = 1;
+const AVERAGED: usize = 2;
+const NORMS: [f64; 3] = [2.0, 6.0, 2.0];
+
+/// A mean counts if at most one in so many of its samples is missing.
+const TOLERATED: usize = 10;
+
+/// The sums of the squared differences of a phase over so many of its steps.
+#[derive(Clone)]
+pub(super) struct DifferenceSums {
+    step: usize,
+    /// Samples from one phase to the next.
+    spacing: usize,
+    /// Of differences without a missing sample, and of all that count.
+    of: [SquareSums; 2],
+    /// Of the differences that reach over the ends of a stretch, in its mirror images; their number; and of which numbers of phases.
+    mirrored: (f64, usize),
+    mirrored_phases: Vec<usize>,
+    /// Whether there is a stretch with samples missing at its ends.
+    open: bool,
+}
+
+#[derive(Clone, Default)]
+struct SquareSums {
+    squares: [f64; 3],
+    terms: [usize; 3],
+    /// Second differences that followed one another until now, and how often so many did.
+    run: usize,
+    runs: BTreeMap<usize, usize>,
+}
+
+impl SquareSums {
+    fn add(&mut self, kind: usize, square: f64) {
+        self.squares[kind] += square;
+        self.terms[kind] += 1;
+    }
+
+    fn end_run(&mut self) {
+        if self.run > 0 {
+            *self.runs.entry(self.run).or_default() += 1;
+        }
+        self.run = 0;
+    }
+}
+
+impl DifferenceSums {
+    pub fn new(step: usize, spacing: usize) -> Self {
+        let of = [SquareSums::default(), SquareSums::default()];
+        Self { step, spacing, of, mirrored: (0.0, 0), mirrored_phases: Vec::new(), open: false }
+    }
+
+    pub const fn step(&self) -> usize {
+        self.step
+    }
+
+    pub const fn has_terms(&self) -> bool {
+        self.of[1].terms[SECOND] > 0
+    }
+
+    /// The sums that count: those of differences without a missing sample, where these are half of all or more.
+    const fn chosen(&self) -> &SquareSums {
+        let [complete, all] = &self.of;
+        if 2 * complete.terms[SECOND] >= all.terms[SECOND] { complete } else { all }
+    }
+
+    /// The sum of the squares and their number.
+    fn of_kind(&self, kind: usize) -> [f64; 2] {
+        let chosen = self.chosen();
+        [chosen.squares[kind], chosen.terms[kind] as f64]
+    }
+
+    /// The same with the mirror images; none where a stretch has no whole ends.
+    fn total(&self) -> Option<[f64; 2]> {
+        let [squares, terms] = self.of_kind(SECOND);
+        let (at_ends, count) = self.mirrored;
+        (!self.open).then_some([squares + at_ends, terms + count as f64])
+    }
+
+    /// The numbers of phases of the stretches that were mirrored.
+    pub fn mirrored_phases(&self) -> impl Iterator<Item = usize> + '_ {
+        self.mirrored_phases.iter().map(|phases| (phases - 1) * self.spacing + 1)
+    }
+
+    /// Lengths in samples of stretches of differences that follow one another, and how often each is there.
+    pub fn stretches(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let of = |(run, count): (&usize, &usize)| ((run - 1 + 2 * self.step) * self.spacing, *count);
+        self.chosen().runs.iter().map(of)
+    }
+
+    /// Forms the differences that begin at the first of these phases and at the following ones, up to the last from which a third difference
+    /// fits, and where the phases end all of them. `missing` counts the samples that are missing until each phase; empty if none is.
+    pub fn advance(&mut self, phase: &[f64], missing: &[u32], ends: bool) {
+        if missing.first() == missing.last() {
+            self.complete(phase, ends);
+        } else {
+            self.with_missing(phase, missing, ends);
+        }
+        if ends {
+            self.of.iter_mut().for_each(SquareSums::end_run);
+        }
+    }
+
+    fn complete(&mut self, phase: &[f64], ends: bool) {
+        let m = self.step;
+        let count = phase.len().saturating_sub(3 * m);
+        let second = |k: usize| (phase[k + 2 * m] - phase[k + m]) - (phase[k + m] - phase[k]);
+        let (mut squares, mut terms) = ([0.0; 3], [count; 3]);
+        if phase.len() >= 3 * m {
+            let mut averaged: f64 = (0..m).map(second).sum();
+            let later = phase[m..].iter().zip(&phase[2 * m..]).zip(&phase[3 * m..]);
+            for (a, ((b, c), d)) in phase.iter().zip(later) {
+                let (first, middle, last) = (b - a, c - b, d - c);
+                let second = middle - first;
+                let third = (last - middle) - second;
+                squares[SECOND] += second * second;
+                squares[THIRD] += third * third;
+                squares[AVERAGED] += averaged * averaged;
+                averaged += third;
+            }
+            if ends {
+                squares[AVERAGED] += averaged * averaged;
+                terms[AVERAGED] += 1;
+            }
+        }
+        if ends {
+            terms[SECOND] = phase.len().saturating_sub(2 * m);
+            squares[SECOND] += (count..terms[SECOND]).map(|k| second(k).powi(2)).sum::<f64>();
+        }
+        for sums in &mut self.of {
+            for kind in [SECOND, THIRD, AVERAGED] {
+                sums.squares[kind] += squares[kind];
+                sums.terms[kind] += terms[kind];
+            }
+            sums.run += terms[SECOND];
+        }
+    }
+
+    fn with_missing(&mut self, phase: &[f64], missing: &[u32], ends: bool) {
+        let m = self.step;
+        let samples = m * self.spacing;
+        let gone = |from: usize, to: usize| missing[to].wrapping_sub(missing[from]) as usize;
+        // The mean times the averaging time; none of too few samples.
+        let mean = |from: usize| {
+            let gone = gone(from, from + m);
+            let there = samples as f64 / (samples - gone.min(samples - 1)) as f64;
+            (TOLERATED * gone <= samples).then(|| (phase[from + m] - phase[from]) * there)
+        };
+        let second = |from: usize| Some(mean(from + m)? - mean(from)?);
+        // The variance of white noise is larger by the samples that are missing.
+        let weight =
+            |from: usize, to: usize| 1.0 - gone(from, to) as f64 / ((to - from) * self.spacing) as f64;
+        let count = phase.len().saturating_sub(3 * m);
+        let starts = if ends { phase.len().saturating_sub(2 * m) } else { count };
+        let has_average = phase.len() >= 3 * m;
+        let [complete, all] = &mut self.of;
+        let (mut averaged, mut summed) = (0.0, 0);
+        for difference in (0..if has_average { m } else { 0 }).filter_map(second) {
+            averaged += difference;
+            summed += 1;
+        }
+        for start in 0..starts {
+            let mut add = |kind: usize, difference: f64, last: usize| {
+                let square = weight(start, last) * difference * difference;
+                all.add(kind, square);
+                if gone(start, last) == 0 {
+                    complete.add(kind, square);
+                }
+            };
+            let here = second(start);
+            if let Some(difference) = here {
+                add(SECOND, difference, start + 2 * m);
+            }
+            if summed == m && has_average && (start < count || (start == count && ends)) {
+                add(AVERAGED, averaged, start + 3 * m - 1);
+            }
+            if start < count {
+                let next = second(start + m);
+                if let (Some(here), Some(next)) = (here, next) {
+                    add(THIRD, next - here, start + 3 * m);
+                }
+                averaged += next.unwrap_or(0.0) - here.unwrap_or(0.0);
+                summed = summed + usize::from(next.is_some()) - usize::from(here.is_some());
+            }
+            for (sums, follows) in
+                [(&mut *complete, gone(start, start + 2 * m) == 0), (&mut *all, here.is_some())]
+            {
+                if follows { sums.run += 1 } else { sums.end_run() }
+            }
+        }
+    }
+
+    /// The differences in the mirror images of a stretch of so many phases, by its beginning and its end of twice the averaging time each; none
+    /// where samples are missing there.
+    pub fn mirror(&mut self, ends: Option<(&[f64], &[f64])>, phases: usize) {
+        let Some((head, tail)) = ends else {
+            self.open = true;
+            return;
+        };
+        let m = self.step;
+        let last = tail.len() - 1;
+        let squares = (1..m).map(|k| {
+            let at_head = 2.0 * head[0] - head[m - k] - 2.0 * head[k] + head[k + m];
+            let at_tail = 2.0 * tail[last] - tail[last - (m - k)] - 2.0 * tail[last - k] + tail[last - k - m];
+            at_head * at_head + at_tail * at_tail
+        });
+        self.mirrored.0 += squares.sum::<f64>();
+        self.mirrored.1 += 2 * (m - 1);
+        self.mirrored_phases.push(phases);
     }
 }

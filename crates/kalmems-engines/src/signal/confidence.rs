@@ -1,6 +1,6 @@
 //! How well an Allan deviation is known.
 
-use super::{AllanDeviation, Deviation};
+use super::{AllanDeviation, Deviation, OctaveSums};
 use kalmems_core::Portable;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -19,61 +19,40 @@ pub struct Confident {
 }
 
 impl Deviation {
-    /// The deviations of a rate with intervals that hold the true ones with this probability, such as 0.95.
+    /// The deviations at octaves with intervals that hold the true ones with this probability, such as 0.95.
     ///
-    /// Which noise it is at an averaging time is read off the correlation of neighbouring means (Riley and Greenhall,
-    /// Proceedings of the 18th European Frequency and Time Forum, 2004); where fewer than 30 means are left, it is as at
-    /// the time before. The degrees of freedom are those of Greenhall and Riley, Proceedings of the 35th PTTI Meeting,
-    /// 267, 2003, of the total deviation those of Riley, NIST Special Publication 1065, 2008, table 7, and the interval is that of χ². What the mirrors
-    /// of the total deviation take from flicker and random-walk noise is put back. With phase noise (α above 0) the total deviation has no formula
-    /// here and comes back without an interval, not numbers.
+    /// Which noise it is at an averaging time in s `noise` says by its α; where it does not, it is read off the correlation of neighbouring means
+    /// (Riley and Greenhall, Proceedings of the 18th European Frequency and Time Forum, 2004) at the beginning of the longest stretch; where fewer than
+    /// 30 means are left, it is as at the time before. The degrees of freedom are those of Greenhall and Riley, Proceedings of the 35th PTTI Meeting,
+    /// 267, 2003, of the total deviation those of Riley, NIST Special Publication 1065, 2008, table 7, and the interval is that of χ². Those of stretches
+    /// add up. What the mirrors of the total deviation take from flicker and random-walk noise is put back. With phase noise (α above 0) the
+    /// total deviation has no formula here and comes back without an interval, not numbers.
     pub fn with_confidence(
         self,
-        rate: &[f64],
+        sums: &OctaveSums,
         interval_s: f64,
-        factors: &[usize],
-        probability: f64,
-    ) -> Vec<Confident> {
-        self.of_phase_with_confidence(
-            &super::allan::phase(rate, interval_s),
-            interval_s,
-            factors,
-            probability,
-        )
-    }
-
-    /// The same from the phase.
-    pub fn of_phase_with_confidence(
-        self,
-        phase: &[f64],
-        interval_s: f64,
-        factors: &[usize],
-        probability: f64,
-    ) -> Vec<Confident> {
-        self.of_phases_with_confidence(&[phase], interval_s, factors, probability, |_| None)
-    }
-
-    fn of_phases_with_confidence(
-        self,
-        phases: &[&[f64]],
-        interval_s: f64,
-        factors: &[usize],
         probability: f64,
         noise: impl Fn(f64) -> Option<i32>,
     ) -> Vec<Confident> {
         let mut exponent = 0;
-        let longest = phases.iter().copied().max_by_key(|phase| phase.len()).unwrap_or_default();
-        let found = factors.iter().filter_map(|factor| self.of_phases(phases, interval_s, *factor));
-        let with = found.map(|averaged| {
+        let found =
+            sums.octaves().filter_map(|octave| Some((self.of_sums(octave.sums, 1.0, interval_s)?, octave)));
+        let with = found.map(|(averaged, octave)| {
+            let (beginning, step) = octave.beginning;
             exponent = noise(averaged.time_s)
-                .or_else(|| noise_of(longest, averaged.factor, self.differences()))
+                .or_else(|| noise_of(beginning, step, self.differences()))
                 .unwrap_or(exponent);
-            let freedoms = phases.iter().map(|phase| self.freedom(phase.len(), averaged.factor, exponent));
-            let freedom = match phases {
-                [_] => freedoms.sum(),
-                _ => freedoms.filter(|freedom| freedom.is_finite()).sum(),
+            let of = |phases: usize, count: usize| {
+                let freedom = self.freedom(phases, averaged.factor, exponent);
+                freedom.is_finite().then_some(count as f64 * freedom)
             };
-            let kept = self.kept(longest.len(), averaged.factor, exponent);
+            let freedom: f64 = if self == Self::Total {
+                octave.sums.mirrored_phases().filter_map(|phases| of(phases, 1)).sum()
+            } else {
+                let stretches = sums.stretches(averaged.factor);
+                stretches.into_iter().filter_map(|(samples, count)| of(samples + 1, count)).sum()
+            };
+            let kept = self.kept(octave.longest + 1, averaged.factor, exponent);
             let averaged = AllanDeviation { deviation: averaged.deviation / kept.sqrt(), ..averaged };
             let end = |part: f64| match ChiSquared::new(freedom) {
                 Ok(law) => averaged.deviation * (freedom / law.inverse_cdf(part)).sqrt(),
@@ -83,44 +62,6 @@ impl Deviation {
             Confident { averaged, exponent, freedom, interval }
         });
         with.collect()
-    }
-
-    /// The deviation over several phases: the root of the mean square of all their differences.
-    fn of_phases(self, phases: &[&[f64]], interval_s: f64, factor: usize) -> Option<AllanDeviation> {
-        let each = phases.iter().flat_map(|phase| self.of_phase(phase, interval_s, &[factor]));
-        each.reduce(|all, one| {
-            let square = |of: &AllanDeviation| of.terms as f64 * of.deviation.powi(2);
-            let terms = all.terms + one.terms;
-            let deviation = ((square(&all) + square(&one)) / terms as f64).sqrt();
-            AllanDeviation { deviation, terms, ..all }
-        })
-    }
-
-    /// The same of a rate that is known in stretches with gaps between them: the mean square is that of the differences in
-    /// all stretches, none of them across a gap, and their degrees of freedom add up. Which noise it is, the longest tells.
-    pub fn of_stretches_with_confidence(
-        self,
-        stretches: &[&[f64]],
-        interval_s: f64,
-        factors: &[usize],
-        probability: f64,
-    ) -> Vec<Confident> {
-        self.of_stretches_with_noise(stretches, interval_s, factors, probability, |_| None)
-    }
-
-    /// The same with the noise that is known from elsewhere: its α at an averaging time in s, and `None` where it is to be read off the means.
-    pub fn of_stretches_with_noise(
-        self,
-        stretches: &[&[f64]],
-        interval_s: f64,
-        factors: &[usize],
-        probability: f64,
-        noise: impl Fn(f64) -> Option<i32>,
-    ) -> Vec<Confident> {
-        let phases: Vec<Vec<f64>> =
-            stretches.iter().map(|rate| super::allan::phase(rate, interval_s)).collect();
-        let phases: Vec<&[f64]> = phases.iter().map(Vec::as_slice).collect();
-        self.of_phases_with_confidence(&phases, interval_s, factors, probability, noise)
     }
 
     /// The part of the variance that the mirrors of the total deviation leave; 1 of the others.

@@ -251,7 +251,7 @@ fn the_schema_of_calibrations_accepts_the_examples_and_refuses_what_is_broken() 
         }
     }
     for (from, to) in [
-        ("[gyroscope]", "[gyro]"),
+        ("[sensor]", "[gyro]"),
         ("clock_tolerance", "tolerance"),
         ("[[condition.reference]]\nname", "[[condition.references]]\nname"),
         ("clock = \"1 ppm\"", "clock = true"),
@@ -262,6 +262,10 @@ fn the_schema_of_calibrations_accepts_the_examples_and_refuses_what_is_broken() 
         assert!(calibration.contains(from), "{from}");
         assert!(!accepts(&schema, &as_json(&calibration.replacen(from, to, 1))), "{to} passes the schema");
     }
+    // The name that the table of the unit had first.
+    let earlier = calibration.replacen("[sensor]", "[gyroscope]", 1);
+    assert!(accepts(&schema, &as_json(&earlier)));
+    assert!(!accepts(&schema, &as_json(&format!("{earlier}\n[sensor]\nrate = \"8 kHz\"\n"))));
     let neither = &calibration[..calibration.find("[[condition]]").unwrap()];
     assert!(!accepts(&schema, &as_json(neither)));
 }

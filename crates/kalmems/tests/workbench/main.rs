@@ -1,6 +1,5 @@
 //! What holds for all devices: files, studies, reports, recordings, calibrations.
 
-mod allan;
 mod arrays;
 mod calibration;
 mod draft;

@@ -1,0 +1,231 @@
+//! Records that the models do not describe: what is found is named, and no number is certified that does not hold.
+
+use super::simulated::{Noise, TURNS, UNIT};
+use kalmems_applications::ApplicationFile;
+use kalmems_applications::calibration::{
+    Calibration, CalibrationError, Certificate, GyroscopeCalibration, calibrate,
+};
+use kalmems_engines::progress::Silent;
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+fn calibrated(text: &str, folder: &Path) -> Result<Calibration, CalibrationError> {
+    calibrate(&GyroscopeCalibration::parse(text, &folder.join("file.toml")).unwrap(), &Silent)
+}
+
+/// A gyroscope behind a low pass of 200 Hz, shaken at five frequencies, three records at each.
+#[test]
+fn a_scale_factor_that_depends_on_the_frequency_is_withheld_and_given_for_each_frequency() {
+    const CORNER: f64 = 200.0;
+    /// Codes by deg/s.
+    const CODES: f64 = 131.0;
+    let folder = tempfile::tempdir().unwrap();
+    let mut noise = Noise::new(11);
+    let [mut shown, mut reference] = ["record,g\n".to_owned(), "record,r_rad_per_s\n".to_owned()];
+    let frequencies = [20.0, 40.0, 80.0, 120.0, 180.0];
+    for record in 0..15 {
+        let frequency: f64 = frequencies[record / 3];
+        let gain = 1.01 / 1.0_f64.hypot(frequency / CORNER) * (1.0 + 1e-4 * noise.normal());
+        let [a, b] = [0, 1].map(|_| TAU * noise.uniform());
+        for k in 0..1500 {
+            let at = |rate: f64, start: f64| (TAU * frequency * f64::from(k) / rate + start).cos();
+            let codes = CODES.to_degrees() * (gain * at(1000.0, a) + 1e-3 * noise.normal());
+            writeln!(shown, "r{record},{codes:.4}").unwrap();
+            writeln!(reference, "r{record},{:.8}", at(2000.0, b) + 1e-4 * noise.normal()).unwrap();
+        }
+    }
+    fs::write(folder.path().join("g.csv"), shown).unwrap();
+    fs::write(folder.path().join("r.csv"), reference).unwrap();
+    let found = calibrated(
+        "name = \"c\"\n[sensor]\nrate = \"1 kHz\"\nclock_tolerance = \"1 %\"\n\
+         channels = { z = { column = \"g\", sensitivity = \"131 LSB/(deg/s)\" } }\n\
+         [[condition]]\nname = \"room\"\nfile = \"g.csv\"\nsegments = { column = \"record\" }\n\
+         [[condition.reference]]\nname = \"table\"\nfile = \"r.csv\"\nsegments = { column = \"record\" }\n\
+         clock = { rate = \"2 kHz\" }\nchannels = { z = \"r_rad_per_s\" }\n",
+        folder.path(),
+    )
+    .unwrap();
+    let [result] = &found.results[..] else { panic!("one result") };
+    assert!(result.withheld.as_ref().is_some_and(|why| why.contains("frequenc")), "{:?}", result.withheld);
+    let by_frequency: Vec<f64> = result.by_frequency.iter().map(|one| one.scale_factor.value).collect();
+    assert_eq!(by_frequency.len(), frequencies.len(), "{by_frequency:?}");
+    for (found, frequency) in by_frequency.iter().zip(frequencies) {
+        assert!((found * 1.0_f64.hypot(frequency / CORNER) / 1.01 - 1.0).abs() < 5e-4, "{by_frequency:?}");
+    }
+    // The same in codes by rad/s.
+    let [codes] = &found.records[..] else { panic!("{:?}", found.records) };
+    for (at, (quantity, frequency)) in
+        result.by_frequency.iter().zip(codes.quantities.iter().zip(frequencies))
+    {
+        let own = at.scale_factor;
+        let expected =
+            [own.value, own.uncertainty, own.interval[0]].map(|number| number * CODES.to_degrees());
+        assert_eq!(quantity.name, format!("sensitivity_z_at_{frequency:.2}_hz"));
+        let found = quantity.estimate;
+        for (found, expected) in [found.value, found.uncertainty, found.interval[0]].into_iter().zip(expected)
+        {
+            assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_saturated_record_at_rest_is_refused_by_its_column() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut noise = Noise::new(12);
+    let mut rows = "a_rad_per_s,b_rad_per_s\n".to_owned();
+    for _ in 0..4096 {
+        let [a, b] = [0, 1].map(|_| 1e-2 * noise.normal());
+        writeln!(rows, "{a:.8},{:.8}", b.clamp(-8e-3, 8e-3)).unwrap();
+    }
+    fs::write(folder.path().join("rest.csv"), rows).unwrap();
+    let file = |column: &str| {
+        let text = "name = \"r\"\n[sensor]\nrate = \"10 Hz\"\nchannels = { z = \"COLUMN\" }\n[rest]\nfile = \"rest.csv\"\n";
+        calibrated(&text.replace("COLUMN", column), folder.path())
+    };
+    assert!(file("a_rad_per_s").is_ok());
+    let refused = file("b_rad_per_s").unwrap_err().to_string();
+    assert!(refused.contains("b_rad_per_s") && refused.contains("clipped"), "{refused}");
+    // What the range is stated to be, of the unit or of the column.
+    let stated = "{ column = \"a_rad_per_s\", full_scale = \"0.02 rad/s\" }";
+    let of_column = format!(
+        "name = \"r\"\n[sensor]\nrate = \"10 Hz\"\nchannels = {{ z = {stated} }}\n[rest]\nfile = \"rest.csv\"\n"
+    );
+    let of_unit =
+        of_column.replace(stated, "\"a_rad_per_s\"").replace("[rest]", "full_scale = \"0.02 rad/s\"\n[rest]");
+    for text in [of_column, of_unit] {
+        let refused = calibrated(&text, folder.path()).unwrap_err().to_string();
+        assert!(refused.contains("a_rad_per_s") && refused.contains("clipped"), "{refused}");
+        assert!(calibrated(&text.replace("0.02 rad/s", "0.2 rad/s"), folder.path()).is_ok());
+    }
+}
+
+/// Several files of one unit are pooled; a name that is not there is named with those that are.
+#[test]
+fn records_at_rest_in_several_files_are_pooled() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut noise = Noise::new(13);
+    for (name, bias) in [("a", 0.01), ("b", 0.012), ("c", 0.011)] {
+        let mut rows = "g_rad_per_s\n".to_owned();
+        for _ in 0..4096 {
+            writeln!(rows, "{:.8}", bias + 1e-3 * noise.normal()).unwrap();
+        }
+        fs::write(folder.path().join(format!("rest_{name}.csv")), rows).unwrap();
+    }
+    let text = "name = \"r\"\n[sensor]\nrate = \"10 Hz\"\nchannels = { z = \"g_rad_per_s\" }\n\
+                [rest]\nfile = \"rest_{record}.csv\"\nrecords = [\"a\", \"b\", \"c\"]\n";
+    let found = calibrated(text, folder.path()).unwrap();
+    let rest = &found.rest[0];
+    assert_eq!((rest.records, rest.samples, rest.bias_freedom), (3, 3 * 4096, 2.0));
+    assert!((rest.bias - 0.011).abs() < 5e-5 && (rest.bias_uncertainty - 1e-3 / 3.0_f64.sqrt()).abs() < 5e-5);
+    let [low, high] = rest.angle_random_walk_interval.unwrap();
+    let walk = 1e-3 / 10.0_f64.sqrt();
+    assert!(low < walk && walk < high && (high - low) / walk < 0.1, "{low} {high} {walk}");
+    let unnamed = text.replace("records = [\"a\", \"b\", \"c\"]\n", "");
+    let refused = GyroscopeCalibration::parse(&unnamed, &folder.path().join("file.toml")).unwrap_err();
+    assert!(refused.to_string().contains("needs their names"), "{refused}");
+}
+
+/// Three parts of a record with a line, of which samples are missing in one place.
+#[test]
+fn a_line_in_a_record_at_rest_is_subtracted_where_that_is_asked_for() {
+    const WALK: f64 = 1e-3;
+    let folder = tempfile::tempdir().unwrap();
+    let write = |wander: f64| {
+        let mut noise = Noise::new(14);
+        let (mut rows, mut phase) = ("g_rad_per_s\n".to_owned(), 0.0);
+        for k in 0..150_000 {
+            phase += TAU * (0.0317 + wander * (TAU * f64::from(k) / 30_000.0).sin());
+            let value = 0.01 + 2e-3 * phase.cos() + WALK * 10.0_f64.sqrt() * noise.normal();
+            if (70_000..70_400).contains(&k) {
+                writeln!(rows, "nan").unwrap();
+            } else {
+                writeln!(rows, "{value:.8}").unwrap();
+            }
+        }
+        fs::write(folder.path().join("rest.csv"), rows).unwrap();
+    };
+    let text = "name = \"r\"\n[sensor]\nrate = \"10 Hz\"\nchannels = { z = \"g_rad_per_s\" }\n[rest]\nfile = \"rest.csv\"\n";
+    let asked = format!("{text}subtract_lines = true\n");
+    write(0.0);
+    let without = calibrated(text, folder.path()).unwrap();
+    assert!(
+        without.rest_motions.join("; ").contains("Hz stands out") && without.rest[0].subtracted.is_empty()
+    );
+    let found = calibrated(&asked, folder.path()).unwrap();
+    assert_eq!(found.rest_motions, [""; 0]);
+    let rest = &found.rest[0];
+    let [[frequency, amplitude]] = rest.subtracted[..] else { panic!("{:?}", rest.subtracted) };
+    assert!(
+        (frequency - 0.317).abs() < 1e-4 && (amplitude / 2e-3 - 1.0).abs() < 0.2,
+        "{frequency} {amplitude}"
+    );
+    let [low, high] = rest.angle_random_walk_interval.unwrap();
+    assert!(low < WALK && WALK < high && (high - low) < 0.02 * WALK, "{low} {high}");
+    assert!(found.findings.join("; ").contains("one line of its spectrum"), "{:?}", found.findings);
+    assert!(Certificate::of(&found).method.contains("were fitted by sines"));
+    assert!((rest.noise / (WALK * 10.0_f64.sqrt()) - 1.0).abs() < 0.01, "{}", rest.noise);
+    // Each difference at half a cycle has the noise alone.
+    let at = rest.deviations.iter().find(|d| d.averaged.factor == 16).unwrap();
+    assert!((at.averaged.deviation / (WALK / 1.6_f64.sqrt()) - 1.0).abs() < 0.02, "{at:?}");
+    // A line whose frequency wanders is none that a sine takes off.
+    write(2e-4);
+    let wandering = calibrated(&asked, folder.path()).unwrap();
+    assert!(wandering.rest_motions.join("; ").contains("Hz stands out"), "{:?}", wandering.rest_motions);
+}
+
+/// The unit is shaken about x and y, beside a reference whose second axis is turned towards the first by this angle, and lies in positions.
+fn shaken_and_in_positions(angle: f64) -> Calibration {
+    let folder = tempfile::tempdir().unwrap();
+    let mut noise = Noise::new(15);
+    UNIT.write_positions(&folder.path().join("positions.csv"), &TURNS, 15);
+    let mut shown =
+        "record,gx_rad_per_s,gy_rad_per_s,gz_rad_per_s,ax_m_per_s2,ay_m_per_s2,az_m_per_s2\n".to_owned();
+    let mut reference = "record,x_rad_per_s,y_rad_per_s\n".to_owned();
+    for record in 0..8 {
+        let [a, b, apart] = [TAU * noise.uniform(), TAU * noise.uniform(), 0.8 * f64::from(record)];
+        let sizes = [1.0, 0.4 + 0.15 * f64::from(record)];
+        for k in 0..1500 {
+            let rate = |start: f64| {
+                let turn = TAU * 20.0 * f64::from(k) / 1000.0 + start;
+                [sizes[0] * turn.cos(), sizes[1] * (turn + apart).cos(), 0.0]
+            };
+            let true_rate = rate(a);
+            let [x, y, z] = UNIT
+                .gyroscopes
+                .map(|row| row[0] * true_rate[0] + row[1] * true_rate[1] + 1e-3 * noise.normal());
+            let [ax, ay, az] = [0.0, 0.0, 9.8].map(|mean| mean + 1e-2 * noise.normal());
+            writeln!(shown, "r{record},{x:.8},{y:.8},{z:.8},{ax:.6},{ay:.6},{az:.6}").unwrap();
+            let [along, across, _] = rate(b);
+            let [x, y] =
+                [along, across * angle.cos() + along * angle.sin()].map(|rate| rate + 1e-4 * noise.normal());
+            writeln!(reference, "r{record},{x:.8},{y:.8}").unwrap();
+        }
+    }
+    fs::write(folder.path().join("g.csv"), shown).unwrap();
+    fs::write(folder.path().join("r.csv"), reference).unwrap();
+    let text = "name = \"c\"\n[sensor]\nrate = \"1 kHz\"\nclock_tolerance = \"1 %\"\n\
+        channels = { x = \"gx_rad_per_s\", y = \"gy_rad_per_s\", z = \"gz_rad_per_s\" }\n\
+        accelerometers = { x = \"ax_m_per_s2\", y = \"ay_m_per_s2\", z = \"az_m_per_s2\" }\n\
+        [[condition]]\nname = \"room\"\nfile = \"g.csv\"\nsegments = { column = \"record\" }\n\
+        [[condition.reference]]\nname = \"table\"\nfile = \"r.csv\"\nsegments = { column = \"record\" }\n\
+        clock = { rate = \"1 kHz\" }\nchannels = { x = \"x_rad_per_s\", y = \"y_rad_per_s\" }\n\
+        [positions]\nfile = \"positions.csv\"\ngravity = \"9.80665 m/s^2\"\nclock = { rate = \"100 Hz\" }\n";
+    calibrated(text, folder.path()).unwrap()
+}
+
+#[test]
+fn a_reference_whose_axes_are_not_square_is_named_where_positions_tell_the_angles() {
+    for (angle, is_square) in [(0.0, true), (0.02, false)] {
+        let found = shaken_and_in_positions(angle);
+        let certificate = Certificate::of(&found);
+        let checks = certificate.validity.iter().filter(|check| check.what.contains("that by the positions"));
+        let checks: Vec<_> = checks.collect();
+        let [check] = &checks[..] else { panic!("{:?}", certificate.validity) };
+        assert_eq!(check.passes, is_square, "{angle}: {check:?}");
+        let said = found.results[0].warnings.join("; ");
+        assert_eq!(said.contains("the axes of the reference are not square"), !is_square, "{angle}: {said}");
+    }
+}
