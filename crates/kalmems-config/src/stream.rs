@@ -71,7 +71,7 @@ pub struct StreamTrigger {
     /// On which way of the motion through its middle; on both if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub direction: Option<TriggerDirection>,
-    /// The amplitude of the motion from which they are told; if left out 1 mrad, or what is usual of the device.
+    /// The amplitude of the motion from which zero phases are announced; if left out 1 mrad, or what is usual of the device.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"1 mrad")]
     pub least_amplitude: Option<Quantity<Angle, Positive>>,

@@ -324,7 +324,7 @@ impl DerivedQuantities {
         })
     }
 
-    /// These, and others behind them.
+    /// These, followed by others.
     #[must_use]
     pub fn and(self, others: Self) -> Self {
         let (count, first, second) = (self.names.len(), self.compute, others.compute);

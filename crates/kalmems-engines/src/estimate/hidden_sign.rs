@@ -13,7 +13,7 @@ pub struct StatedSign {
     pub rate: usize,
     /// The places of all that changes its sign with it.
     pub states: Vec<usize>,
-    /// Whether the first turning point behind the first peak of the drive after the settling time is a maximum.
+    /// Whether the first turning point after the drive's first peak after the settling time is a maximum.
     pub is_positive: bool,
 }
 

@@ -21,8 +21,8 @@ impl SideOutputs {
         self.phase || self.prediction.is_some()
     }
 
-    /// What the filter at this place gives of a motion with about this rate in rad/s, where it is known whether the motion is mirrored; zero
-    /// phases from a time in s on.
+    /// What the filter at this place gives of a motion with about this rate in rad/s, mirrored or not if that is known; zero phases from a time
+    /// in s on.
     pub fn of_filter(
         &self,
         place: usize,
@@ -43,19 +43,19 @@ pub struct FilterSideOutputs {
     phase: bool,
     /// Which zero phases are predicted.
     prediction: Option<PhasePrediction>,
-    /// Whether the motion is mirrored, where that is known.
+    /// Whether the motion is mirrored; `None` before that is known.
     mirrored: Option<bool>,
     /// From when on they are predicted, in s.
     pub from_s: f64,
 }
 
 impl FilterSideOutputs {
-    /// The rate in rad/s by which amplitude and phase are said, where they are asked for.
+    /// The rate in rad/s by which amplitude and phase are said, if they are asked for.
     pub fn phase_rate(&self) -> Option<f64> {
         self.phase.then_some(self.rate)
     }
 
-    /// What predicts zero phases on the filter's way, where it is to, with samples that are so many s apart.
+    /// What predicts zero phases on the filter's way, if it is to, with samples of this interval in s.
     pub fn predictor(
         &self,
         filter: &FilterBasics,

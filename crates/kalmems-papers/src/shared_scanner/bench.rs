@@ -236,7 +236,7 @@ impl ScannerBench {
         published().parse(&text, Path::new("shared_scanner/device.toml"))
     }
 
-    /// Whether the first turning point of the true motion behind the first peak of the drive after the settling time is a maximum.
+    /// Whether the first turning point of the true motion after the drive's first peak after the settling time is a maximum.
     fn first_peak(&self, motion: &SampledSteadyMotion, volts: &[f64]) -> bool {
         let drive = SegmentDrive::new(&motion.time_s, volts, 1.0 / SAMPLING_HZ);
         let peak = drive.first_sine().map_or(self.skip_s, |sine| sine.peak_after(self.skip_s));

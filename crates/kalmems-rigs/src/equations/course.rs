@@ -64,7 +64,7 @@ pub struct EquationSegment<'a> {
     pub motion: MotionRate,
 }
 
-/// The first peak of the first input that is a sine, from a time in s on; that time where there is none.
+/// The time in s of the first peak of the first input that is a sine, from a time on; that time without a sine.
 pub fn peak_after(inputs: &[SegmentDrive<'_>], from_s: f64) -> f64 {
     let sine = inputs.iter().find_map(SegmentDrive::first_sine);
     sine.map_or(from_s, |sine| sine.peak_after(from_s))
@@ -107,7 +107,7 @@ pub struct EquationCourse<'a> {
     /// The names of what follows from the states, and whether it follows from the inputs as well.
     quantities: Vec<StateName>,
     need_inputs: bool,
-    /// The rate of the motion in rad/s by which amplitude and phase are said behind the states.
+    /// The rate of the motion in rad/s by which amplitude and phase are said.
     phase_rate: Option<f64>,
     /// What predicts zero phases.
     phases: Option<PhaseCourse>,

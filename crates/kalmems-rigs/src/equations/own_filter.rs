@@ -1,4 +1,4 @@
-//! A filter of the caller's own in the place of one of the experiment's.
+//! A filter of the caller's own instead of the experiment's.
 
 use super::segment::EquationEstimator;
 use crate::config::{Experiment, Method};
@@ -12,7 +12,7 @@ use std::cell::RefCell;
 /// What makes it from what is known first.
 pub type OwnFilter = RefCell<Option<Box<dyn FnOnce(MeanAndCovariance) -> AnyFilter>>>;
 
-/// Follows a filter of the caller's own over a recording, in the place of the experiment's one filter.
+/// Follows a filter of the caller's own over a recording, instead of the experiment's one filter.
 ///
 /// All but the filter is as the experiment has it: the device with its process noise, the inputs between the samples, samples that are missing,
 /// name and start of the filter, its smoothers, the sign of the motion and the judgement of its lock. `make` makes the filter from the first mean

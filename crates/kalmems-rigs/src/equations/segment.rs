@@ -120,7 +120,7 @@ impl<'a> SampledInputs<'a, '_> {
     }
 }
 
-/// The time in s of the first peak of the drive behind the settling time, in a recording's first segment.
+/// The time in s of the drive's first peak after the settling time, in a recording's first segment.
 pub fn first_drive_peak(
     settings: &EquationSettings,
     columns: &EquationColumns,
@@ -172,7 +172,7 @@ pub struct EquationEstimator<'a> {
 }
 
 impl<'a> EquationEstimator<'a> {
-    /// Of a recording of an experiment.
+    /// For a recording of an experiment, by its place.
     pub fn of(
         experiment: &'a Experiment,
         index: usize,
@@ -482,7 +482,7 @@ pub struct EquationFilterTask<'a> {
     pub models: &'a [EquationModel],
     /// What it gives besides its states.
     pub side_outputs: FilterSideOutputs,
-    /// What makes it, where it is one of the caller's own.
+    /// What makes it, if it is one of the caller's own.
     pub own_filter: &'a OwnFilter,
     /// The samples.
     pub data: &'a EquationSegment<'a>,

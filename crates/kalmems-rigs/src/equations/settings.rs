@@ -59,7 +59,7 @@ impl OwnDevice {
         Self::of_table(experiment, &*experiment.device_in_terms_of::<EquationsTable>()?)
     }
 
-    /// Of a table of an experiment.
+    /// The device that a table of an experiment describes.
     fn of_table(experiment: &Experiment, table: &EquationsTable) -> Result<Self, ConfigError> {
         let device = table.device(experiment)?;
         let values = device.values();
@@ -184,7 +184,7 @@ impl OwnDevice {
         self.angle.is_some()
     }
 
-    /// The states that are exactly 0 at a place, where that is the middle of a symmetry of equations and signals that they never leave.
+    /// The names of states that are exactly 0 at a place, in the middle of a symmetry of equations and signals, which they never leave.
     fn symmetric_rest(&self, at: &[f64]) -> Option<String> {
         let is_zero = |state: &usize| at.get(*state) == Some(&0.0);
         let group = self.hidden_signs.iter().find(|group| group.iter().all(is_zero))?;
@@ -433,7 +433,7 @@ impl FilterDevices {
     }
 }
 
-/// What is said of a demodulator stands for each of its low-passes, the states behind those that are stated.
+/// What is said of a demodulator stands for each of its low-passes, the states that lags add.
 fn of_each_low_pass(device: &Device, values: &Values) -> Values {
     let mut all = values.clone();
     if let Some(value) = all.remove("demodulator") {

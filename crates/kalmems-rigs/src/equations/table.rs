@@ -248,7 +248,7 @@ impl DeviceDescription for EquationsTable {
 pub struct Demodulator {
     /// The same device with them; `None` where its table states none.
     pub device: Option<Arc<EquationsTable>>,
-    /// What to write where there are none.
+    /// What to write if there are none.
     pub remedy: &'static str,
 }
 
