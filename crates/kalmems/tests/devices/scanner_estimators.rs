@@ -268,7 +268,7 @@ fn what_does_not_fit_a_method_is_refused_with_what_to_do() {
     );
     said(
         "[[estimate.filter]]\nname = \"D\"\nmethod = \"direct_inversion\"\n",
-        ["filter[0].method", "even in the angle", "use `lock_in`"],
+        ["filter[0].method", "means two values", "use `ekf`"],
     );
     said(&filter("C", "consider_ekf", WIDE), ["filter[0].states", "missing", "start_sd"]);
     said(&filter("L", "lock_in", ""), ["filter[0].start", "lock_in", "leave it out"]);
