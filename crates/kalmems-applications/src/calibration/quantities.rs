@@ -134,7 +134,7 @@ impl RecordOutcome {
 }
 
 impl RecordOutcome {
-    /// Of a record of this kind, in which nothing was found yet.
+    /// A record of this kind, in which nothing was found yet.
     pub(super) fn new(kind: &'static str, title: impl Into<String>, method: impl Into<String>) -> Self {
         Self {
             kind,

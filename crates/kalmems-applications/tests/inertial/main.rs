@@ -10,4 +10,5 @@ mod refusals;
 mod simulated;
 mod sine;
 mod temperature;
+mod times;
 mod turns;
