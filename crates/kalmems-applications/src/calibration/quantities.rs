@@ -172,7 +172,9 @@ impl RecordOutcome {
                 };
                 for own in self.quantities.iter().filter(|own| is_of(&own.name)) {
                     let mut budget = own.budget.clone();
-                    budget.iter_mut().for_each(|input| input.sensitivity *= by);
+                    for input in &mut budget {
+                        input.sensitivity *= by;
+                    }
                     let name = own.name.replace("scale_factor", "sensitivity");
                     found.push(CalibratedQuantity { name, unit, estimate: own.estimate.times(by), budget });
                 }

@@ -189,16 +189,13 @@ impl RestSamples {
     }
 
     fn take_run(&mut self, values: &[f64], time_s: impl Fn(usize) -> f64) {
-        let mut gap = match self.missing.replace(0) {
-            Some(gap) => {
-                self.gaps += usize::from(gap > 0);
-                gap
-            }
-            None => {
-                self.records.push(Moments::default());
-                // A record does not go on where another ended.
-                if self.records.len() > 1 { usize::MAX / PART_OF_PIECE } else { 0 }
-            }
+        let mut gap = if let Some(gap) = self.missing.replace(0) {
+            self.gaps += usize::from(gap > 0);
+            gap
+        } else {
+            self.records.push(Moments::default());
+            // A record does not go on where another ended.
+            if self.records.len() > 1 { usize::MAX / PART_OF_PIECE } else { 0 }
         };
         if self.longest.len() < LONGEST {
             let room = LONGEST - self.run.len().min(LONGEST);

@@ -4,6 +4,7 @@
 
 mod certificate;
 mod example;
+mod measured;
 mod positions;
 mod rates;
 mod refusals;
