@@ -70,7 +70,9 @@ pub fn calibrate(
     }
     let MeasuredRest { axes: rest, motions, remarks } = rest_record::measure(&mut files)?;
     let mut records: Vec<RecordOutcome> = positions_record::measure(&mut files)?.into_iter().collect();
-    records.iter_mut().for_each(|positions| compare_angles(&mut results, positions));
+    for positions in &mut records {
+        compare_angles(&mut results, positions);
+    }
     let rates = rates_record::measure(&mut files)?;
     let over_temperature = temperature_record::of_rates(file, &rates)?;
     records.extend(rates);
@@ -78,7 +80,9 @@ pub fn calibrate(
     records.extend(turns_record::measure(&mut files)?);
     records.extend(sine_record::measure(&mut files)?);
     records.extend(temperature_record::measure(&mut files)?);
-    records.iter_mut().for_each(|record| record.push_sensitivities(&file.gyroscope));
+    for record in &mut records {
+        record.push_sensitivities(&file.gyroscope);
+    }
     let under_vibration = results
         .iter()
         .filter_map(|found| RecordOutcome::sensitivities_under_vibration(found, &file.gyroscope));

@@ -192,7 +192,7 @@ pub struct Condition {
     /// The file of the gyroscope. With `{record}` in its name, a file for each of `records`.
     #[schemars(example = &"gyro.csv")]
     pub file: PathBuf,
-    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    /// How the file is written, if it does not show that itself: `{ kind = "csv", separator = ";", decimal = "," }`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub format: Option<FileFormat>,
     /// Where one file holds several records: the column that tells them apart.
@@ -216,7 +216,7 @@ pub struct MotionReference {
     /// Its file. With `{record}` in its name, a file for each record, such as `out/stage/{record}_trajectory_ekf.csv`.
     #[schemars(example = &"bias_on.csv")]
     pub file: PathBuf,
-    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    /// How the file is written, if it does not show that itself: `{ kind = "csv", separator = ";", decimal = "," }`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub format: Option<FileFormat>,
     /// Where one file holds several records: the column that tells them apart, with the names that the gyroscope's have.
@@ -267,7 +267,7 @@ pub struct StatedUncertainty {
     /// Motion about axes that the reference does not show, times the unit's cross-axis sensitivity.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub off_axis: Option<StandardUncertainty<Ratio>>,
-    /// What the scale factor changes from record to record and from mounting to mounting, where that is known from elsewhere. It replaces what the
+    /// What the scale factor changes from record to record and from mounting to mounting, if that is known from elsewhere. It replaces what the
     /// records themselves scatter; of a single record nothing else tells it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reproducibility: Option<StandardUncertainty<Ratio>>,
@@ -287,7 +287,7 @@ pub struct RestRecord {
     /// Its file. With `{record}` in its name, a file for each of `records`.
     #[schemars(example = &"rest.csv")]
     pub file: PathBuf,
-    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    /// How the file is written, if it does not show that itself: `{ kind = "csv", separator = ";", decimal = "," }`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub format: Option<FileFormat>,
     /// Where the file holds several records: the column that tells them apart. None of them is joined to the next.
@@ -298,7 +298,7 @@ pub struct RestRecord {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub records: Option<Vec<String>>,
     /// When its samples were taken; by the gyroscope's nominal rate if left out. A column of times has to show that rate within
-    /// its `clock_tolerance`, where that is stated.
+    /// its `clock_tolerance`, if that is stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock: Option<Clock>,
     /// Its columns by axis. If these and those of the accelerometers are left out, they are those of the gyroscope.
@@ -320,7 +320,7 @@ pub struct PositionsRecord {
     /// The file, relative to the calibration file.
     #[schemars(example = &"positions.csv")]
     pub file: PathBuf,
-    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    /// How the file is written, if it does not show that itself: `{ kind = "csv", separator = ";", decimal = "," }`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub format: Option<FileFormat>,
     /// Where the file holds several records: the column that tells them apart. No motion is taken from one to the next.
@@ -353,7 +353,7 @@ pub struct RatesRecord {
     /// The file, relative to the calibration file.
     #[schemars(example = &"rates.csv")]
     pub file: PathBuf,
-    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    /// How the file is written, if it does not show that itself: `{ kind = "csv", separator = ";", decimal = "," }`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub format: Option<FileFormat>,
     /// Where the file holds several records: the column that tells them apart.
@@ -377,7 +377,7 @@ pub struct RatesRecord {
     /// added to the rate of the table. Otherwise the bias has it, and its interval allows for it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub latitude: Option<Quantity<Angle>>,
-    /// The temperature of the unit. Records of one axis at several temperatures give the scale factor and the bias over the temperature.
+    /// The temperature of the unit. Records of one axis at several temperatures give scale factor, bias and cross-axis sensitivity over the temperature.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature: Option<Quantity<Temperature, Positive>>,
     /// How long the table turns at one rate at least; `"1 s"` if left out.
@@ -395,7 +395,7 @@ pub struct TurnsRecord {
     /// The file, relative to the calibration file.
     #[schemars(example = &"turns.csv")]
     pub file: PathBuf,
-    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    /// How the file is written, if it does not show that itself: `{ kind = "csv", separator = ";", decimal = "," }`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub format: Option<FileFormat>,
     /// Where the file holds several records: the column that tells them apart.
@@ -430,7 +430,7 @@ pub struct SineRecord {
     /// The file, relative to the calibration file.
     #[schemars(example = &"shaker.csv")]
     pub file: PathBuf,
-    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    /// How the file is written, if it does not show that itself: `{ kind = "csv", separator = ";", decimal = "," }`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub format: Option<FileFormat>,
     /// The column that tells the frequencies apart, each of which is a record; of one frequency it is left out.
@@ -456,6 +456,9 @@ pub struct SineRecord {
     /// What the scale factor changes from one mounting to the next, relative to it, where a frequency has a single record.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reproducibility: Option<StandardUncertainty<Ratio>>,
+    /// Each record is a sweep over the frequencies, or noise, and begins and ends at rest: the response is then that in bands of a sixth of an octave.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub sweep: bool,
 }
 
 /// A record at rest while the temperature rises and falls. The columns are those of the unit and, in the same file, the temperature.
@@ -465,7 +468,7 @@ pub struct TemperatureRecord {
     /// The file, relative to the calibration file.
     #[schemars(example = &"cycle.csv")]
     pub file: PathBuf,
-    /// How the file is written, where that cannot be told from it: `{ kind = "csv", separator = ";", decimal = "," }`.
+    /// How the file is written, if it does not show that itself: `{ kind = "csv", separator = ";", decimal = "," }`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub format: Option<FileFormat>,
     /// Where the file holds several records: the column that tells them apart.
@@ -631,7 +634,6 @@ impl GyroscopeCalibration {
     /// Checks the records of a unit that no reference shakes: at rest, in positions, over the temperature and on a rate table.
     fn check_unit_records(&self) -> Result<(), ConfigError> {
         let refuse = |key: Key, why: String| Err(self.error(key, ConfigFault::Value { why }));
-        let unit = self.unit_key();
         if let Some(rest) = &self.rest {
             let key = Key::from("rest");
             if is_per_record(&rest.file) && rest.records.is_none() {
@@ -645,11 +647,11 @@ impl GyroscopeCalibration {
             if !self.gyroscope.accelerometers.as_ref().is_some_and(complete) {
                 let why = "positions calibrate three accelerometers; expected their columns such as `accelerometers = { x = \"acc_x_gn\", y = \
                            \"acc_y_gn\", z = \"acc_z_gn\" }`";
-                return refuse(unit.child("accelerometers"), why.to_owned());
+                return refuse(self.unit_key().child("accelerometers"), why.to_owned());
             }
             if self.gyroscope.channels.as_ref().is_some_and(|channels| !complete(channels)) {
                 let why = "positions calibrate three gyroscopes or none; expected the columns of `x`, `y` and `z`, or no `channels`";
-                return refuse(unit.child("channels"), why.to_owned());
+                return refuse(self.unit_key().child("channels"), why.to_owned());
             }
             self.check_record(&key, &positions.of_unit(&self.gyroscope))?;
         }
@@ -660,41 +662,28 @@ impl GyroscopeCalibration {
             }
             self.check_record(&key, &record.of_unit(&self.gyroscope))?;
         }
-        let [mut sines, mut rates, mut turns] = [BTreeMap::new(), BTreeMap::new(), BTreeMap::new()];
-        for (index, record) in self.sines.iter().enumerate() {
-            let key = Key::from("sine").index(index);
-            self.require_unique(&mut sines, &key, &record.name)?;
-            self.check_record_about(&key, &record.of_unit(&self.gyroscope), record.axis)?;
-        }
-        for (index, record) in self.rates.iter().enumerate() {
-            let key = Key::from("rates").index(index);
-            self.require_unique(&mut rates, &key, &record.name)?;
-            self.check_record_about(&key, &record.of_unit(&self.gyroscope), record.axis)?;
-        }
-        for (index, record) in self.turns.iter().enumerate() {
-            let key = Key::from("turns").index(index);
-            self.require_unique(&mut turns, &key, &record.name)?;
-            self.check_record_about(&key, &record.of_unit(&self.gyroscope), record.axis)?;
+        let unit = &self.gyroscope;
+        let sines = self.sines.iter().map(|record| ("sine", &record.name, record.of_unit(unit), record.axis));
+        let rates =
+            self.rates.iter().map(|record| ("rates", &record.name, record.of_unit(unit), record.axis));
+        let turns =
+            self.turns.iter().map(|record| ("turns", &record.name, record.of_unit(unit), record.axis));
+        let about_an_axis = sines.enumerate().chain(rates.enumerate()).chain(turns.enumerate());
+        let mut names: BTreeMap<&str, BTreeMap<&Name, Key>> = BTreeMap::new();
+        for (index, (table, name, record, axis)) in about_an_axis {
+            let key = Key::from(table).index(index);
+            self.require_unique(names.entry(table).or_default(), &key, name)?;
+            let axis = AXES[axis.index()];
+            let channels = record.channels.or(record.accelerometers);
+            if channels.is_none_or(|channels| channels.column(axis).is_none()) {
+                let why = format!(
+                    "the unit has no such sensor of the axis {axis}; expected its column at `channels.{axis}` or `accelerometers.{axis}`"
+                );
+                return refuse(key.child("axis"), why);
+            }
+            self.check_record(&key, &record)?;
         }
         Ok(())
-    }
-
-    /// Checks a record about one axis, which has to have its sensor.
-    fn check_record_about(
-        &self,
-        key: &Key,
-        record: &RecordOfUnit,
-        axis: TableAxis,
-    ) -> Result<(), ConfigError> {
-        let axis = AXES[axis.index()];
-        let channels = record.channels.or(record.accelerometers);
-        if channels.is_none_or(|channels| channels.column(axis).is_none()) {
-            let why = format!(
-                "the unit has no such sensor of the axis {axis}; expected its column at `channels.{axis}` or `accelerometers.{axis}`"
-            );
-            return Err(self.error(key.clone().child("axis"), ConfigFault::Value { why }));
-        }
-        self.check_record(key, record)
     }
 
     /// The key of the unit's table, as the file calls it.

@@ -238,7 +238,7 @@ pub(super) fn require_usable_record(
     Ok(())
 }
 
-/// Refuses rates at or beyond the full scale, where that is stated.
+/// Refuses rates at or beyond the full scale, if that is stated.
 pub(super) fn require_within(
     unit: &InertialUnit,
     values: &[f64],

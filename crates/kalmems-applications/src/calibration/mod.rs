@@ -44,6 +44,7 @@ mod simulated;
 mod sine_record;
 mod still;
 mod stretches;
+mod sweep;
 mod temperature_record;
 mod tone;
 mod turns_record;

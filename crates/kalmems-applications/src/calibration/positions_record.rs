@@ -19,7 +19,7 @@ use crate::config::{Key, Quantity};
 use crate::fit::{Fit, FitError};
 use crate::metrology::Evaluation;
 use kalmems_core::Portable;
-use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable, pairs};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use std::ops::Range;
 
 /// The shortest position in s if nothing is stated.
@@ -342,20 +342,13 @@ fn positions_table(samples: &UnitSamples, found: &FoundPositions, fit: &Fit<9>, 
 
 /// What was taken as still, above the residuals.
 fn figure(samples: &UnitSamples, found: &FoundPositions, fit: &Fit<9>, gravity: f64) -> Figure {
-    let rows = samples.recording.rows();
-    let time: Vec<f64> = (0..rows).map(|row| samples.time_s(row)).collect();
-    let mut panel = Panel::new(Axis::new("time", "s"), Axis::new("specific force", "m/s^2"));
-    for (axis, values) in AXES.iter().zip(samples.forces()) {
-        let Some(values) = values else { continue };
-        panel =
-            panel.with(Series::line(*axis, SeriesRole::Measured, pairs(&time, values).collect::<Vec<_>>()));
-    }
-    for (place, rows) in found.rows.iter().enumerate() {
-        let label = if place == 0 { "taken as still" } else { "" };
-        let level = -1.2 * gravity;
-        let ends = [rows.start, rows.end.saturating_sub(1)].map(|row| (samples.time_s(row), level));
-        panel = panel.with(Series::line(label, SeriesRole::Estimate, ends));
-    }
+    let forces = AXES.into_iter().zip(samples.forces());
+    let panel = samples.panel_of_parts(
+        Axis::new("specific force", "m/s^2"),
+        forces.filter_map(|(axis, values)| Some((axis, values?.to_vec()))),
+        "taken as still",
+        found.rows.iter().map(|rows| (rows.clone(), -1.2 * gravity)),
+    );
     let residuals: Vec<(f64, f64)> = gravity_residuals(&found.positions, fit, gravity)
         .into_iter()
         .zip(&found.rows)

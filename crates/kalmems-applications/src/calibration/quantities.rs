@@ -134,7 +134,7 @@ impl RecordOutcome {
 }
 
 impl RecordOutcome {
-    /// Of a record of this kind, in which nothing was found yet.
+    /// A record of this kind, in which nothing was found yet.
     pub(super) fn new(kind: &'static str, title: impl Into<String>, method: impl Into<String>) -> Self {
         Self {
             kind,
@@ -172,7 +172,9 @@ impl RecordOutcome {
                 };
                 for own in self.quantities.iter().filter(|own| is_of(&own.name)) {
                     let mut budget = own.budget.clone();
-                    budget.iter_mut().for_each(|input| input.sensitivity *= by);
+                    for input in &mut budget {
+                        input.sensitivity *= by;
+                    }
                     let name = own.name.replace("scale_factor", "sensitivity");
                     found.push(CalibratedQuantity { name, unit, estimate: own.estimate.times(by), budget });
                 }

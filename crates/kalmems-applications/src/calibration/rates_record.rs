@@ -15,7 +15,7 @@ use crate::config::{Key, Quantity};
 use crate::fit::{Fit, FitError};
 use crate::metrology::{Evaluation, Input};
 use kalmems_core::{Dual, Portable, Scalar};
-use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable, pairs};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use std::ops::Range;
 
 /// Bias, slope, magnitude, square and cube of the rate over the largest one, and whether it was reached from below or above.
@@ -354,16 +354,12 @@ impl Steps {
         found: &Fit<TERMS>,
         record: &RatesRecord,
     ) -> Figure {
-        let time: Vec<f64> = (0..samples.recording.rows()).map(|row| samples.time_s(row)).collect();
-        let table: Vec<f64> = samples.further().iter().map(|rate| rate.to_degrees()).collect();
-        let mut above = Panel::new(Axis::new("time", "s"), Axis::new("rate of the table", "deg/s"))
-            .with(Series::line("table", SeriesRole::Measured, pairs(&time, &table).collect::<Vec<_>>()));
-        for (place, step) in self.each.iter().enumerate() {
-            let label = if place == 0 { "taken as constant" } else { "" };
-            let ends = [step.rows.start, step.rows.end.saturating_sub(1)]
-                .map(|row| (samples.time_s(row), step.table.to_degrees()));
-            above = above.with(Series::line(label, SeriesRole::Estimate, ends));
-        }
+        let above = samples.panel_of_parts(
+            Axis::new("rate of the table", "deg/s"),
+            [("table", samples.further().iter().map(|rate| rate.to_degrees()).collect())],
+            "taken as constant",
+            self.each.iter().map(|step| (step.rows.clone(), step.table.to_degrees())),
+        );
         let beyond = self.beyond_the_line(values, found);
         let mut below = Panel::new(
             Axis::new("rate of the table", "deg/s"),

@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 /// The shortest part in cycles that is fitted by itself; over a shorter one the sine of the part before goes on.
 const FEWEST_CYCLES: f64 = 30.0;
-/// Of lines that are nearer to one another than so many widths of a line in a part, the strongest is fitted alone.
+/// The strongest one of lines that are nearer to one another than so many widths of a line in a part is fitted alone.
 const APART: f64 = 2.0;
 
 /// The lines of a channel, the strongest first, with the sine of the last part. Times are in samples, and frequencies in cycles per sample.

@@ -231,7 +231,7 @@ impl<'a> RestReading<'a> {
             && let Some(finder) = self.finder.take()
         {
             let found = finder.finish();
-            let rows = found.rows.iter().map(|rows| rows.len()).sum::<usize>();
+            let rows = found.rows.iter().map(ExactSizeIterator::len).sum::<usize>();
             self.interval_sum_s += rows as f64 * found.interval_s;
             self.remarks.extend(irregular(&recording.source().file, &segment.label, &found));
         }
@@ -277,16 +277,16 @@ impl MeasuredRest {
             lines: lines.map(|line| [line.frequency / interval_s, line.amplitude]).collect(),
             ..found
         };
-        if let [first, ..] = &found.subtracted[..] {
+        if let [[frequency_hz, amplitude], ..] = found.subtracted[..] {
             remarks.push(format!(
                 "{place}: {} of its spectrum were fitted by sines and subtracted, the largest {:.3e} {} at {:.6} Hz.",
                 match found.subtracted.len() {
                     1 => "one line".to_owned(),
                     several => format!("{several} lines"),
                 },
-                first[1],
+                amplitude,
                 sensor.unit(),
-                first[0]
+                frequency_hz
             ));
         }
         for motion in motions(&samples, spectrum.as_ref()) {

@@ -69,7 +69,7 @@ impl Piece {
         }
     }
 
-    /// Whether no gap in it is long beside it.
+    /// Whether each gap in it is shorter than a tenth of it.
     pub fn is_of_one_stretch(&self) -> bool {
         PART_OF_PIECE * self.gap <= self.moments.count
     }
@@ -96,7 +96,7 @@ pub struct RestSamples {
 }
 
 impl RestSamples {
-    /// Of one record of equidistant samples, in which those that are not finite are missing.
+    /// The samples of one record at equal intervals; those that are not finite are missing.
     pub fn of(values: &[f64], interval_s: f64) -> Self {
         let mut samples = Self::default();
         samples.take(values, |row| row as f64 * interval_s);
@@ -189,16 +189,13 @@ impl RestSamples {
     }
 
     fn take_run(&mut self, values: &[f64], time_s: impl Fn(usize) -> f64) {
-        let mut gap = match self.missing.replace(0) {
-            Some(gap) => {
-                self.gaps += usize::from(gap > 0);
-                gap
-            }
-            None => {
-                self.records.push(Moments::default());
-                // A record does not go on where another ended.
-                if self.records.len() > 1 { usize::MAX / PART_OF_PIECE } else { 0 }
-            }
+        let mut gap = if let Some(gap) = self.missing.replace(0) {
+            self.gaps += usize::from(gap > 0);
+            gap
+        } else {
+            self.records.push(Moments::default());
+            // A record does not go on where another ended.
+            if self.records.len() > 1 { usize::MAX / PART_OF_PIECE } else { 0 }
         };
         if self.longest.len() < LONGEST {
             let room = LONGEST - self.run.len().min(LONGEST);

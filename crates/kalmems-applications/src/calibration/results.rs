@@ -854,33 +854,30 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
 
 fn entries(found: &Calibration, w: &mut dyn Write) -> io::Result<()> {
     writeln!(w, "condition,reference,quantity,unit,value,by_records,uncertainty,low,high")?;
+    let mut row = |place: [&str; 2], name: &str, unit: &str, found: &UncertainEstimate| {
+        let UncertainEstimate { value, by_records, uncertainty, interval: [low, high], .. } = found;
+        let [condition, reference] = place;
+        writeln!(
+            w,
+            "{condition},{reference},{name},{unit},{value:e},{by_records:e},{uncertainty:e},{low:e},{high:e}"
+        )
+    };
     for result in &found.results {
-        let names = (0..9).map(|k| format!("k_{}{}", AXES[k / 3], AXES[k % 3]));
-        let entries = names.zip(result.matrix.iter().flatten()).map(|(name, entry)| (name, "1", entry));
-        let biases =
-            AXES.iter().zip(&result.bias).map(|(axis, bias)| (format!("bias_{axis}"), "rad/s", bias));
-        for (name, unit, entry) in entries.chain(biases) {
-            let Some(UncertainEstimate { value, by_records, uncertainty, interval: [low, high], .. }) = entry
-            else {
-                continue;
-            };
-            writeln!(
-                w,
-                "{},{},{name},{unit},{value:e},{by_records:e},{uncertainty:e},{low:e},{high:e}",
-                result.condition, result.reference
-            )?;
+        let place = [result.condition.as_str(), &result.reference];
+        for (k, entry) in result.matrix.iter().flatten().enumerate() {
+            let name = format!("k_{}{}", AXES[k / 3], AXES[k % 3]);
+            entry.iter().try_for_each(|entry| row(place, &name, "1", entry))?;
+        }
+        for (axis, bias) in AXES.iter().zip(&result.bias) {
+            bias.iter().try_for_each(|bias| row(place, &format!("bias_{axis}"), "rad/s", bias))?;
         }
     }
-    for record in &found.records {
-        for quantity in &record.quantities {
-            let UncertainEstimate { value, by_records, uncertainty, interval: [low, high], .. } =
-                quantity.estimate;
-            writeln!(
-                w,
-                "{},,{},{},{value:e},{by_records:e},{uncertainty:e},{low:e},{high:e}",
-                record.kind, quantity.name, quantity.unit.unit
-            )?;
-        }
+    let of_records = found
+        .records
+        .iter()
+        .flat_map(|record| record.quantities.iter().map(move |quantity| (record.kind, quantity)));
+    for (kind, quantity) in of_records {
+        row([kind, ""], &quantity.name, quantity.unit.unit, &quantity.estimate)?;
     }
     Ok(())
 }

@@ -1,11 +1,12 @@
-//! Records under sines with a reference in the same file: amplitude, phase and bandwidth (comparison with a reference transducer, ISO 16063-21).
+//! Records under sines or sweeps with a reference in the same file: amplitude, phase and bandwidth (comparison with a reference transducer, ISO 16063-21).
 
 use super::error::CalibrationError;
 use super::file::SineRecord;
 use super::files::InputFiles;
 use super::quantities::{CertificateCheck, QuantityUnit, RecordOutcome, contribution, stated_contribution};
 use super::rest::InertialSensor;
-use super::tone::{AXES, AxisSignals};
+use super::sweep::{BandResponse, bands};
+use super::tone::{AXES, AxisSignals, ToneError};
 use super::unit_record::UnitSamples;
 use crate::config::Key;
 use crate::metrology::{Evaluation, Input};
@@ -63,7 +64,12 @@ fn responses(record: &SineRecord, samples: &UnitSamples) -> Result<Vec<Response>
             "" => samples.place.clone(),
             label => format!("{}, record `{label}`", samples.place),
         };
-        let tone = signals.tone(None).map_err(|fault| CalibrationError::Tone { place: place(), fault })?;
+        let failed = |fault: ToneError| CalibrationError::Tone { place: place(), fault };
+        if record.sweep {
+            found.extend(of_sweep(&signals, samples.time.interval_s).map_err(failed)?);
+            continue;
+        }
+        let tone = signals.tone(None).map_err(failed)?;
         let [Some(reference), Some(shown), _] = tone.axes else { continue };
         let ratio = shown.phasor / reference.phasor;
         let part = |component: &super::tone::Component| component.deviation / component.phasor.norm();
@@ -80,6 +86,27 @@ fn responses(record: &SineRecord, samples: &UnitSamples) -> Result<Vec<Response>
     found.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
     let groups = found.chunk_by(|a, b| b.frequency_hz <= (1.0 + SAME) * a.frequency_hz);
     Ok(groups.map(together).collect())
+}
+
+fn of_sweep(signals: &AxisSignals, interval_s: f64) -> Result<Vec<Response>, ToneError> {
+    let [Some(reference), Some(shown), _] = &signals.axes else { return Ok(Vec::new()) };
+    let missing = reference.iter().zip(shown).filter(|(x, y)| !(x.is_finite() && y.is_finite())).count();
+    if missing > 0 {
+        return Err(ToneError::Missing { samples: missing });
+    }
+    let found = bands(reference, shown, interval_s);
+    if found.is_empty() {
+        return Err(ToneError::NoBand);
+    }
+    let of = |BandResponse { frequency_hz, ratio, deviation, freedom, .. }: BandResponse| Response {
+        frequency_hz,
+        ratio,
+        deviations: [deviation; 2],
+        freedom,
+        records: 1,
+        distortion: 0.0,
+    };
+    Ok(found.into_iter().map(of).collect())
 }
 
 /// Records at one frequency: their means with the standard deviations by their scatter, which has the noise in it.
@@ -115,8 +142,16 @@ const METHOD: &str = "Sines: at each frequency one sine of common frequency is f
     their quotient gives amplitude and phase (ISO 16063-21). Of several records at one frequency the scatter is the type A evaluation. The bandwidth is the \
     frequency at which the amplitude falls to 0.707 of that at the lowest frequency, between neighbours on logarithmic scales.";
 
+const OF_SWEEP: &str = "Sweep: the transforms of the reference and of the sensor over each record, which begins and ends at rest, are divided in bands of a sixth of an \
+    octave; in each the quotient is a parabola over the frequency, and what it leaves is the noise. Of several records the scatter is the type A evaluation. \
+    The bandwidth is the frequency at which the amplitude falls to 0.707 of that in the lowest band, between neighbours on logarithmic scales.";
+
 fn outcome(record: &SineRecord, samples: &UnitSamples, responses: &[Response]) -> RecordOutcome {
-    let mut outcome = RecordOutcome::new("sine", format!("Sines: {}", record.name), METHOD);
+    let mut outcome = RecordOutcome::new(
+        "sine",
+        format!("Sines: {}", record.name),
+        if record.sweep { OF_SWEEP } else { METHOD },
+    );
     outcome.warnings.clone_from(&samples.remarks);
     let mut not_stated = |key: &str| outcome.not_stated.push(format!("{key} of the sines `{}`", record.name));
     if record.reference_uncertainty.is_none() {
@@ -236,6 +271,9 @@ fn judge(outcome: &mut RecordOutcome, record: &SineRecord, responses: &[Response
              or `scale` of its column",
             record.name
         ));
+    }
+    if record.sweep {
+        return;
     }
     let distortion = responses.iter().map(|response| response.distortion).fold(0.0, f64::max);
     outcome.checks.push(CertificateCheck {

@@ -8,7 +8,7 @@ const QUICK: f64 = 0.5;
 /// A gap is a step of the time that stays, from this part of an interval on.
 const STEP: f64 = 0.5;
 
-/// How many samples in a row show the rate at least, where there are as many.
+/// Samples in a row that show the rate, at least; fewer if there are no more.
 const WINDOW: usize = 64;
 
 /// The rows of a record between its gaps.
@@ -20,7 +20,7 @@ pub(super) struct RecordStretches {
     pub(super) interval_s: f64,
     /// Samples that come in the longest burst; 1 where times do not come in bursts.
     pub(super) burst: usize,
-    /// The longest gap in s and the time before it, where there is one.
+    /// The longest gap in s and the time before it, if there is one.
     pub(super) longest_gap: Option<[f64; 2]>,
 }
 
@@ -149,7 +149,7 @@ fn breaks(time_s: &[f64], interval_s: f64, burst: usize) -> Vec<(usize, f64)> {
 struct SlopeSums {
     square: f64,
     product: f64,
-    /// Of the present stretch: its first time, its rows, and the sums of rows, their squares, times and products.
+    /// The present stretch: its first time, its rows, and the sums of rows, their squares, times and products.
     start_s: Option<f64>,
     count: f64,
     sums: [f64; 4],

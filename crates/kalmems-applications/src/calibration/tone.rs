@@ -88,6 +88,19 @@ pub enum ToneError {
         /// The residual by the amplitude in %.
         part: f64,
     },
+    /// A sweep takes all samples.
+    #[error(
+        "{samples} of its samples are missing; expected a sweep without a gap: repeat it, or give the parts before and after as records"
+    )]
+    Missing {
+        /// Samples without a number.
+        samples: usize,
+    },
+    /// Nothing of the reference is seen.
+    #[error(
+        "in no band does the sensor follow the reference; expected a sweep or noise that begins and ends at rest: check the columns, and that it was driven"
+    )]
+    NoBand,
     /// The converter was at its end.
     #[error(
         "axis {axis} is clipped: {samples} of its samples are at {level:.6}; expected a range above the largest rate: drive \

@@ -13,7 +13,7 @@ use crate::calibration::file::TurnsRecord;
 use crate::config::{Key, Quantity};
 use crate::fit::{Fit, FitError};
 use crate::metrology::{Evaluation, Input};
-use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable, pairs};
+use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use std::ops::Range;
 
 /// The angle, and its magnitude.
@@ -23,7 +23,7 @@ const MAGNITUDE: usize = 1;
 /// Turns that the fit takes at least, and turns to either side that tell the scale factors of both signs apart.
 const FEWEST_TURNS: usize = 4;
 const FEWEST_OF_SIGN: usize = 2;
-/// How far the number of whole angles may be from an integer: of a scale factor that is off by a twentieth, five angles at once are told.
+/// How far the number of whole angles may be from an integer: a scale factor that is off by a twentieth leaves five angles at once apart.
 const WHOLE: f64 = 0.25;
 /// The shortest rest in s if nothing is stated.
 const SHORTEST_S: f64 = 1.0;
@@ -88,7 +88,7 @@ fn measure_one(record: &TurnsRecord, samples: &UnitSamples) -> Result<RecordOutc
         let slope = found.parameter(SLOPE);
         let mut inputs = by_scatter(slope.deviation, found.degrees_of_freedom);
         if axis == turns.main {
-            inputs.extend(turns.by_rests(angle));
+            inputs.extend(turns.by_rests(|turn| turn.times * angle, 1.0));
             if let Some(stated) = &record.angle_uncertainty {
                 inputs.push(stated_contribution("angle", stated, slope.value / angle));
             }
@@ -101,7 +101,8 @@ fn measure_one(record: &TurnsRecord, samples: &UnitSamples) -> Result<RecordOutc
             if has_both {
                 let part = 2.0 / slope.value;
                 let magnitude = found.parameter(MAGNITUDE);
-                let inputs = by_scatter(part.abs() * magnitude.deviation, found.degrees_of_freedom);
+                let mut inputs = by_scatter(part.abs() * magnitude.deviation, found.degrees_of_freedom);
+                inputs.extend(turns.by_rests(|turn| turn.times.abs() * angle, part.abs()));
                 let unit = QuantityUnit { factor: 1e6, shown: "ppm", ..QuantityUnit::RATIO };
                 outcome.push_known(format!("asymmetry_{name}"), unit, part * magnitude.value, inputs);
             } else {
@@ -180,15 +181,15 @@ impl Turns {
         found
     }
 
-    /// What the mean of a rest adds to the slope because the turns before and after share it; turns to and fro have less of it than their scatter
-    /// shows.
-    fn by_rests(&self, angle: f64) -> Option<Input> {
-        let shared = self.each.windows(2).filter(|pair| pair[0].rows.end < pair[1].rows.start);
+    /// What the mean of a rest adds to a slope over this term because the turns before and after share it, times a factor; what turns to and fro have less
+    /// than their scatter shows is left as it is.
+    fn by_rests(&self, term: impl Fn(&Turn) -> f64, factor: f64) -> Option<Input> {
+        let shared =
+            self.each.windows(2).filter(|pair| self.rests.contains(&(pair[0].rows.end..pair[1].rows.start)));
         let products =
-            shared.map(|pair| pair[0].times * pair[1].times * pair[0].by_rest[1] * pair[1].by_rest[0]);
-        let squares: f64 = self.each.iter().map(|turn| turn.times.powi(2)).sum();
-        let variance = 2.0 * products.sum::<f64>() / (squares * angle).powi(2);
-        let size = variance.max(0.0).sqrt();
+            shared.map(|pair| term(&pair[0]) * term(&pair[1]) * pair[0].by_rest[1] * pair[1].by_rest[0]);
+        let squares: f64 = self.each.iter().map(|turn| term(turn).powi(2)).sum();
+        let size = factor * (2.0 * products.sum::<f64>()).max(0.0).sqrt() / squares;
         (size > 0.0).then(|| contribution("bias at rest", size, f64::INFINITY, Evaluation::A))
     }
 
@@ -300,19 +301,14 @@ impl Turns {
         values: &[f64],
         found: &Fit<TERMS>,
     ) -> Figure {
-        let time: Vec<f64> = (0..samples.recording.rows()).map(|row| samples.time_s(row)).collect();
-        let rate: Vec<f64> =
+        let rate =
             samples.rates()[self.main].unwrap_or_default().iter().map(|rate| rate.to_degrees()).collect();
-        let mut above = Panel::new(Axis::new("time", "s"), Axis::new("rate", "deg/s")).with(Series::line(
-            AXES[self.main],
-            SeriesRole::Measured,
-            pairs(&time, &rate).collect::<Vec<_>>(),
-        ));
-        for (place, rows) in self.rests.iter().enumerate() {
-            let label = if place == 0 { "taken as still" } else { "" };
-            let ends = [rows.start, rows.end.saturating_sub(1)].map(|row| (samples.time_s(row), 0.0));
-            above = above.with(Series::line(label, SeriesRole::Estimate, ends));
-        }
+        let above = samples.panel_of_parts(
+            Axis::new("rate", "deg/s"),
+            [(AXES[self.main], rate)],
+            "taken as still",
+            self.rests.iter().map(|rows| (rows.clone(), 0.0)),
+        );
         let residuals = self.residuals(record, values, found).into_iter().zip(&self.each);
         let points: Vec<(f64, f64)> =
             residuals.map(|(residual, turn)| (samples.time_s(turn.rows.start), 1e6 * residual)).collect();

@@ -8,6 +8,7 @@ use crate::calibration::file::InertialUnit;
 use crate::config::{Channels, Clock, ColumnChoice, FileColumns, FileFormat, Key, Segments};
 use crate::recording::{Finding, FindingKind, RecordingLayout, SampledRecording};
 use crate::units::{Kind, kind};
+use kalmems_figures::{Axis, Panel, Series, SeriesRole, pairs};
 use std::ops::Range;
 use std::path::Path;
 
@@ -134,6 +135,27 @@ impl UnitSamples {
     /// The further column in SI.
     pub fn further(&self) -> &[f64] {
         self.values(self.further.as_ref()).unwrap_or_default()
+    }
+
+    /// Columns over the time, and below them the parts that were taken of them, each at a level.
+    pub fn panel_of_parts(
+        &self,
+        axis: Axis,
+        columns: impl IntoIterator<Item = (&'static str, Vec<f64>)>,
+        label: &str,
+        parts: impl IntoIterator<Item = (Range<usize>, f64)>,
+    ) -> Panel {
+        let time: Vec<f64> = (0..self.recording.rows()).map(|row| self.time_s(row)).collect();
+        let mut panel = Panel::new(Axis::new("time", "s"), axis);
+        for (name, values) in columns {
+            let line = pairs(&time, &values).collect::<Vec<_>>();
+            panel = panel.with(Series::line(name, SeriesRole::Measured, line));
+        }
+        for (place, (rows, level)) in parts.into_iter().enumerate() {
+            let ends = [rows.start, rows.end.saturating_sub(1)].map(|row| (self.time_s(row), level));
+            panel = panel.with(Series::line(if place == 0 { label } else { "" }, SeriesRole::Estimate, ends));
+        }
+        panel
     }
 
     /// The time of a row in s.

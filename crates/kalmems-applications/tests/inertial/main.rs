@@ -4,10 +4,12 @@
 
 mod certificate;
 mod example;
+mod measured;
 mod positions;
 mod rates;
 mod refusals;
 mod simulated;
 mod sine;
 mod temperature;
+mod times;
 mod turns;

@@ -173,3 +173,117 @@ fn what_the_file_does_not_state_of_the_reference_is_asked_for() {
     let none = file(&FILE.replace("axis = \"x\"", "axis = \"y\"")).unwrap_err().to_string();
     assert!(none.contains("no such sensor"), "{none}");
 }
+
+/// A sweep from 10 to 900 Hz that swells and fades, and the accelerometer's answer by its equation of motion.
+fn write_sweeps(path: &std::path::Path, seed: u64, records: usize) {
+    const SAMPLES: usize = 40_000;
+    const STEPS: usize = 8;
+    let mut noise = Noise::new(seed);
+    let mut text = "step,reference_m_per_s2,ax\n".to_owned();
+    let span = SAMPLES as f64 / RATE;
+    let input = |t: f64| {
+        let phase = TAU * (10.0 * t + 0.5 * 890.0 * t * t / span);
+        let ends = (t / 0.2).min((span - t) / 0.2).clamp(0.0, 1.0);
+        20.0 * (0.5 * std::f64::consts::PI * ends).sin().powi(2) * phase.sin()
+    };
+    let turn = TAU * SHAKEN.resonance_hz;
+    let slope =
+        |t: f64, [x, v]: [f64; 2]| [v, turn * turn * (input(t) - x) - 2.0 * SHAKEN.damping * turn * v];
+    for record in 0..records {
+        let mut state = [0.0; 2];
+        for k in 0..SAMPLES {
+            let t = k as f64 / RATE;
+            let reference = input(t) + 2e-3 * noise.normal();
+            let codes = 16384.0 / GRAVITY * (0.3 + SHAKEN.scale * state[0] + 0.05 * noise.normal());
+            writeln!(text, "{record},{reference:.6},{codes:.0}").unwrap();
+            let h = 1.0 / RATE / STEPS as f64;
+            for step in 0..STEPS {
+                let t = t + step as f64 * h;
+                let after = |by: [f64; 2], part: f64| [0, 1].map(|i| state[i] + part * h * by[i]);
+                let a = slope(t, state);
+                let b = slope(t + 0.5 * h, after(a, 0.5));
+                let c = slope(t + 0.5 * h, after(b, 0.5));
+                let d = slope(t + h, after(c, 1.0));
+                state = [0, 1].map(|i| state[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
+            }
+        }
+    }
+    fs::write(path, text).unwrap();
+}
+
+/// How many of the amplitudes and phases of all bands are in their intervals, and of how many; and the bandwidth.
+fn sweeps_held(seed: u64, records: usize) -> ([usize; 2], bool) {
+    let folder = tempfile::tempdir().unwrap();
+    write_sweeps(&folder.path().join("shaker.csv"), seed, records);
+    let text = format!("{FILE}sweep = true\n{STATED}");
+    let file = GyroscopeCalibration::parse(&text, &folder.path().join("shaker.toml")).unwrap();
+    let found = calibrate(&file, &Silent).unwrap();
+    let (mut held, mut of, mut highest) = (0, 0, 0.0_f64);
+    for quantity in &record(&found).quantities {
+        let Some((what, frequency)) = quantity.name.split_once("_x_at_") else { continue };
+        let frequency: f64 = frequency.trim_end_matches("_hz").parse().unwrap();
+        let (gain, lag) = SHAKEN.response(frequency);
+        let truth = match what {
+            "accelerometer_scale_factor" => gain,
+            "accelerometer_phase" => lag,
+            _ => continue,
+        };
+        let own = quantity.estimate;
+        // The frequency in the name is rounded to 0.01 Hz.
+        held += usize::from((own.value - truth).abs() <= own.expanded_by_records + 5e-6 * truth.abs());
+        of += 1;
+        highest = highest.max(frequency);
+    }
+    assert!(of > 50 && highest > 800.0, "{of} {highest}");
+    let [low, high] = record(&found).estimate("accelerometer_bandwidth_x").unwrap().interval;
+    let truth = SHAKEN.bandwidth();
+    ([held, of], low <= truth && truth <= high)
+}
+
+#[test]
+fn a_sweep_gives_the_response_in_bands() {
+    for records in [1, 3] {
+        let ([held, of], is_bandwidth) = sweeps_held(5, records);
+        // Neighbouring bands share nothing: 19 of 20 are expected.
+        assert!(held as f64 > 0.87 * of as f64 && is_bandwidth, "{held} of {of}, {is_bandwidth}");
+    }
+}
+
+#[test]
+#[ignore = "40 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
+fn slow_intervals_by_sweeps_hold_95_of_100() {
+    let (mut all, mut bandwidths) = ([0, 0], 0);
+    for seed in 100..140 {
+        let (found, is_bandwidth) = sweeps_held(seed, 1);
+        all = [all[0] + found[0], all[1] + found[1]];
+        bandwidths += usize::from(is_bandwidth);
+    }
+    println!("{all:?} of amplitudes and phases, {bandwidths} of 40 bandwidths");
+    let part = all[0] as f64 / all[1] as f64;
+    assert!((0.935..0.97).contains(&part) && bandwidths >= 36, "{part} {bandwidths}");
+}
+
+#[test]
+fn a_sweep_with_a_gap_and_one_that_the_sensor_does_not_follow_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shaker.csv");
+    let text = format!("{FILE}sweep = true\n{STATED}");
+    let file = GyroscopeCalibration::parse(&text, &folder.path().join("shaker.toml")).unwrap();
+    write_sweeps(&path, 5, 1);
+    let rows = fs::read_to_string(&path).unwrap();
+    let gap = rows.lines().enumerate().map(|(k, line)| match line.rsplit_once(',') {
+        Some((before, _)) if k == 20_000 => format!("{before},nan\n"),
+        _ => format!("{line}\n"),
+    });
+    fs::write(&path, gap.collect::<String>()).unwrap();
+    let said = calibrate(&file, &Silent).unwrap_err().to_string();
+    assert!(said.contains("1 of its samples are missing"), "{said}");
+    let mut noise = Noise::new(6);
+    let apart = rows.lines().map(|line| match line.rsplit_once(',') {
+        Some((before, codes)) if codes != "ax" => format!("{before},{:.0}\n", 500.0 * noise.normal()),
+        _ => format!("{line}\n"),
+    });
+    fs::write(&path, apart.collect::<String>()).unwrap();
+    let said = calibrate(&file, &Silent).unwrap_err().to_string();
+    assert!(said.contains("in no band"), "{said}");
+}
