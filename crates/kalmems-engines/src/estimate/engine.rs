@@ -843,6 +843,7 @@ impl<const N: usize> FilterRun<N> {
             let steps = followed_steps(self.steps, figure);
             if self.adapts_steps && steps != self.steps && course.divide(steps) {
                 self.steps = steps;
+                filter.shorten_steps();
                 if let Some(next_s) = trajectory.time_s.get(k + 1) {
                     trajectory.steps.change(*next_s, steps);
                 }

@@ -62,6 +62,13 @@ impl<const N: usize> LinkedFilter<N> {
         if samples < STEP_ERROR_SAMPLES { None } else { steps.error().map(|error| (samples, error)) }
     }
 
+    /// Goes on in shorter steps.
+    pub(super) fn shorten_steps(&mut self) {
+        if let Some(steps) = &mut self.steps {
+            steps.shorten();
+        }
+    }
+
     /// Comes to a sample of this time in s.
     pub(super) fn at(&mut self, time_s: f64) {
         self.watch.at(time_s);

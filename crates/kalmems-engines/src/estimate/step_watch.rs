@@ -15,8 +15,11 @@ use std::ops::Range;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StepWatch<const N: usize> {
     difference: [f64; N],
-    /// Σ (e/sd)² of each state since it was asked last, and over how many samples.
+    /// What is left of the difference that longer steps have made before: shorter ones do not take it off.
+    of_longer_steps: [f64; N],
+    /// Σ (e/sd)² of each state since it was asked last, of both together and of the present steps alone, and over how many samples.
     squares: [f64; N],
+    squares_of_present: [f64; N],
     samples: usize,
     /// Sum and number of the normalised innovations squared of these samples.
     nis: (f64, f64),
@@ -31,6 +34,8 @@ pub(super) struct StepWatch<const N: usize> {
 pub struct StepFigure {
     /// The error of the steps in standard deviations that the filter claims.
     error: f64,
+    /// The same of what the present steps have made.
+    of_present: f64,
     /// The mean NIS.
     mean_nis: f64,
 }
@@ -47,8 +52,23 @@ const OF_FOURTH_ORDER: f64 = 16.0 / 15.0;
 
 impl<const N: usize> StepWatch<N> {
     pub(super) const fn new(is_unscented: bool) -> Self {
-        let nis = (0.0, 0.0);
-        Self { difference: [0.0; N], squares: [0.0; N], samples: 0, nis, is_needed: false, is_unscented }
+        Self {
+            difference: [0.0; N],
+            of_longer_steps: [0.0; N],
+            squares: [0.0; N],
+            squares_of_present: [0.0; N],
+            samples: 0,
+            nis: (0.0, 0.0),
+            is_needed: false,
+            is_unscented,
+        }
+    }
+
+    /// Goes on in shorter steps.
+    pub(super) fn shorten(&mut self) {
+        for (longer, present) in self.of_longer_steps.iter_mut().zip(&mut self.difference) {
+            *longer += std::mem::take(present);
+        }
     }
 
     /// A step from one mean to another, which was linearised to `slopes`.
@@ -58,10 +78,12 @@ impl<const N: usize> StepWatch<N> {
         (mean, next): (&[f64; N], &[f64; N]),
         slopes: &Mat<f64, N, N>,
     ) {
-        let before = self.difference;
-        if before.iter().any(|e| *e != 0.0) {
-            for (to, row) in self.difference.iter_mut().zip(&slopes.0) {
-                *to = row.iter().zip(&before).map(|(slope, e)| slope * e).sum();
+        for difference in [&mut self.difference, &mut self.of_longer_steps] {
+            let before = *difference;
+            if before.iter().any(|e| *e != 0.0) {
+                for (to, row) in difference.iter_mut().zip(&slopes.0) {
+                    *to = row.iter().zip(&before).map(|(slope, e)| slope * e).sum();
+                }
             }
         }
         let (mut whole, mut halves) = (*next, [0.0; N]);
@@ -90,10 +112,12 @@ impl<const N: usize> StepWatch<N> {
         }
         let mut slopes = [0.0; N];
         sensor.linearize(from, &mut slopes);
-        let read: f64 = slopes.iter().zip(&self.difference).map(|(slope, e)| slope * e).sum();
-        let share = read / innovation;
-        for ((e, from), to) in self.difference.iter_mut().zip(from).zip(to) {
-            *e -= (to - from) * share;
+        for difference in [&mut self.difference, &mut self.of_longer_steps] {
+            let read: f64 = slopes.iter().zip(&*difference).map(|(slope, e)| slope * e).sum();
+            let share = read / innovation;
+            for ((e, from), to) in difference.iter_mut().zip(from).zip(to) {
+                *e -= (to - from) * share;
+            }
         }
     }
 
@@ -106,10 +130,13 @@ impl<const N: usize> StepWatch<N> {
         if nis.is_finite() {
             self.nis = (self.nis.0 + nis, self.nis.1 + 1.0);
         }
-        for (i, (squares, e)) in self.squares.iter_mut().zip(&self.difference).enumerate() {
+        for (i, (present, longer)) in self.difference.iter().zip(&self.of_longer_steps).enumerate() {
             let variance = covariance.get(i, i);
             // What is known exactly has no error to compare with.
-            *squares += if variance > 0.0 { e * e / variance } else { 0.0 };
+            if variance > 0.0 {
+                self.squares[i] += (present + longer).powi(2) / variance;
+                self.squares_of_present[i] += present * present / variance;
+            }
         }
         self.samples += 1;
     }
@@ -117,16 +144,19 @@ impl<const N: usize> StepWatch<N> {
     /// The error of the steps since this was asked last: the root mean square of the worst state's, in standard deviations that the filter
     /// claims. `None` where the steps are exact.
     pub(super) fn error(&mut self) -> Option<StepFigure> {
-        let worst = self.squares.iter().fold(0.0, |worst: f64, squares| {
+        let samples = self.samples.max(1) as f64;
+        let of_worst = |squares: &[f64; N]| {
             // One that is not a number is the worst.
-            if *squares <= worst { worst } else { *squares }
-        });
-        let error = OF_FOURTH_ORDER * (worst / self.samples.max(1) as f64).sqrt();
+            let worst = squares.iter().fold(0.0, |worst: f64, own| if *own <= worst { worst } else { *own });
+            OF_FOURTH_ORDER * (worst / samples).sqrt()
+        };
+        let (error, of_present) = (of_worst(&self.squares), of_worst(&self.squares_of_present));
         let known = self.is_needed && self.samples > 0;
         let (sum, count) = self.nis;
         let mean_nis = if count > 0.0 { sum / count } else { 1.0 };
-        (self.squares, self.samples, self.nis) = ([0.0; N], 0, (0.0, 0.0));
-        known.then_some(StepFigure { error, mean_nis })
+        (self.squares, self.squares_of_present) = ([0.0; N], [0.0; N]);
+        (self.samples, self.nis) = (0, (0.0, 0.0));
+        known.then_some(StepFigure { error, of_present, mean_nis })
     }
 
     /// How many samples the figure is of.
@@ -182,13 +212,14 @@ impl StepCounts {
 }
 
 /// How many steps a filter takes from here on that took so many, of which the shadow told this: as many more as bring the error down to
-/// what a plan leaves; as many as before where it is not large, or where the filter does not follow its signal.
-pub(super) fn followed_steps(steps: usize, StepFigure { error, mean_nis }: StepFigure) -> usize {
+/// what a plan leaves; as many as before where it is not large, or where the filter does not follow its signal. What longer steps made before
+/// does not count: a parameter without noise keeps it, however short the steps are now.
+pub(super) fn followed_steps(steps: usize, StepFigure { of_present, mean_nis, .. }: StepFigure) -> usize {
     if mean_nis > ASTRAY {
         return steps;
     }
     // What is not a number is as large as can be.
-    let mut left = if error.is_nan() { f64::INFINITY } else { error };
+    let mut left = if of_present.is_nan() { f64::INFINITY } else { of_present };
     if left <= TOO_LARGE {
         return steps;
     }
@@ -206,8 +237,9 @@ pub(super) const STEP_ERROR_SAMPLES: usize = 256;
 const PLANNED_ON: usize = super::driven::BLOCK;
 /// The error of the steps, in standard deviations that the filter claims, up to which they are short enough.
 const SHORT_ENOUGH: f64 = 0.02;
-/// The error of some samples, in standard deviations that the filter claims, above which shorter steps are taken behind them.
-const TOO_LARGE: f64 = 0.05;
+/// The error of some samples, in standard deviations that the filter claims, above which shorter steps are taken behind them. States without
+/// noise keep it: with what the shorter steps add, at most [`SHORT_ENOUGH`], it stays below the 0.05 that are remarked on.
+const TOO_LARGE: f64 = 0.03;
 /// Steps from one sample to the next, at most.
 const MOST_STEPS: usize = 64;
 
@@ -235,7 +267,7 @@ pub(super) fn plan_steps(
         let found = error_over(&mut *filter, course, &rows);
         course.rewind();
         // Its steps are exact, if there is no error.
-        let Some(StepFigure { error, mean_nis }) = found else { break };
+        let Some(StepFigure { error, mean_nis, .. }) = found else { break };
         if mean_nis > ASTRAY && mean_nis > (1.0 - OF_THE_STEP) * last_nis {
             break;
         }
@@ -267,7 +299,7 @@ fn error_over(
         }
         let corrected = moved.and_then(|()| course.correct(filter, row, &mut counts));
         let Ok(innovation) = corrected else {
-            return Some(StepFigure { error: f64::INFINITY, mean_nis: 1.0 });
+            return Some(StepFigure { error: f64::INFINITY, of_present: f64::INFINITY, mean_nis: 1.0 });
         };
         filter.take_step_error(innovation.map_or(f64::NAN, |innovation| innovation.nis));
         if row == middle {
@@ -276,4 +308,59 @@ fn error_over(
     }
     let figure = filter.step_error()?;
     Some(if figure.error.is_nan() { StepFigure { error: f64::INFINITY, ..figure } } else { figure })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A state that stays as it is, and of which each step makes an error.
+    struct Drifting(f64);
+
+    impl Transition for Drifting {
+        fn advance(&self, x: &[f64], to: &mut [f64]) {
+            to.copy_from_slice(x);
+        }
+
+        fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
+            to.copy_from_slice(x);
+            jacobian.copy_from_slice(&[1.0]);
+        }
+
+        fn advance_in_halves(&self, x: &[f64], to: &mut [f64]) -> bool {
+            to[0] = x[0] + self.0;
+            true
+        }
+
+        fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
+            covariance.fill(0.0);
+            root.fill(0.0);
+        }
+    }
+
+    /// A parameter without noise keeps the error that long steps have made of it: it counts, and asks for no shorter steps again and again.
+    #[test]
+    fn an_error_that_a_state_keeps_asks_for_shorter_steps_once() {
+        let (mut watch, mut steps) = (StepWatch::<1>::new(false), 1);
+        let known = Covariance::from_variances([1.0]);
+        let mut errors = Vec::new();
+        for _ in 0..20 {
+            for _ in 0..STEP_ERROR_SAMPLES {
+                let error = 2.2e-5 / (steps as f64).powi(4);
+                watch.step(&Drifting(error), (&[0.0], &[0.0]), &Mat([[1.0]]));
+                watch.take(&known, 1.0);
+            }
+            let figure = watch.error().unwrap();
+            errors.push(figure.error);
+            let next = followed_steps(steps, figure);
+            if next != steps {
+                steps = next;
+                watch.shorten();
+            }
+        }
+        assert_eq!(steps, 2, "{errors:?}");
+        // Until the first 0.03 is passed each sample adds 2.2e-5 · 16/15, and from there on a sixteenth of it.
+        let last = errors.last().unwrap();
+        assert!((0.03..0.05).contains(last), "{errors:?}");
+    }
 }

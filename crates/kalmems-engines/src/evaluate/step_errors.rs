@@ -109,7 +109,7 @@ impl fmt::Display for StepErrors {
             write!(f, "the integration step, {steps_per_sample} from each sample to the next,")?;
         }
         write!(f, " adds an error of {} of the claimed standard deviation", percent(error))?;
-        if *at_the_end > 1.5 * error {
+        if *at_the_end > 1.5 * error || *error <= REMARKABLE {
             write!(f, ", and of {} at the end", percent(at_the_end))?;
         }
         match self.enough().filter(|_| !follows_kinks) {
@@ -145,6 +145,10 @@ mod tests {
         assert!(text.contains("at the end") && text.contains("`steps = 4`"), "{text}");
         let steady = errors(&[9.0, 0.1, 0.1]).unwrap();
         assert!(steady.is_remarkable() && !steady.is_large() && (steady.error - 0.1).abs() < 1e-15);
+        // Remarked on for its end, it is printed with that.
+        let growing: Vec<f64> = (0..100).map(|k| 0.036 + 0.0002 * f64::from(k)).collect();
+        let found = errors(&growing).unwrap();
+        assert!(found.is_remarkable() && found.error < 0.05 && found.to_string().contains("at the end"));
         assert!(!errors(&[0.01, 0.01]).unwrap().is_remarkable());
         assert!(errors(&[0.1, f64::NAN]).unwrap().is_large());
         assert!(errors(&[0.1]).is_none());

@@ -85,8 +85,9 @@ pub struct MostLikely<const P: usize, R = Innovations> {
     pub correlation: [[f64; P]; P],
     /// Σ ln p of the innovations there.
     pub log_likelihood: f64,
-    /// What ln p would still gain by the slope and the information where the search ended: less than 0.005 at a maximum. More at the end of
-    /// where `filter` can be run, at a kink, and where a step by the information gains nothing.
+    /// What ln p would still gain where the search ended: less than 0.005 at a maximum. By the slope and the information at the end of where
+    /// `filter` can be run, and what the last step has gained where there were no more of them. What the slope promises is not counted if each
+    /// step that it proposes was run and is less likely: where a gate takes a sample in or leaves it out, ln p has kinks and jumps.
     pub promised: f64,
     /// What `filter` gave there.
     pub run: R,
@@ -119,6 +120,8 @@ pub fn most_likely<const P: usize, R: AsRef<Innovations>>(
     let mut likelihood = run.as_ref().log_likelihood();
     let (mut damping, mut sd, mut correlation) = (0.0, [f64::INFINITY; P], [[0.0; P]; P]);
     let mut promised = f64::INFINITY;
+    // Whether the steps that were last given up for shorter ones are some with which the filter cannot be run.
+    let mut is_obstructed = false;
     for _ in 0..ITERATIONS {
         let slopes = slopes(&at, run.as_ref(), &steps, filter);
         let mut triangle = triangle(run.as_ref(), &slopes);
@@ -129,26 +132,32 @@ pub fn most_likely<const P: usize, R: AsRef<Innovations>>(
             *step = if norm > 0.0 { step.min(0.3 / norm) } else { *step };
         }
         let gain = |by: &[f64; P]| -0.5 * by.iter().zip(triangle.gradient()).map(|(d, g)| d * g).sum::<f64>();
-        promised = gain(&triangle.solve());
-        let mut gained = false;
-        for _ in 0..ATTEMPTS {
+        let by_slope = gain(&triangle.solve());
+        let mut gained = None;
+        for attempt in 0..ATTEMPTS {
             let by = damped(&triangle, &norms, damping).solve();
             if gain(&by) < NEAR {
+                promised = if is_obstructed { by_slope } else { gain(&by) };
                 return Some(MostLikely { at, sd, correlation, log_likelihood: likelihood, promised, run });
             }
             let mut next = at;
             next.iter_mut().zip(by).for_each(|(x, d)| *x += d);
-            if let Some(there) = filter(&next) {
+            let there = filter(&next);
+            let can_be_run = there.is_some();
+            if let Some(there) = there {
                 let found = there.as_ref().log_likelihood();
                 if found > likelihood {
-                    (at, run, likelihood, gained) = (next, there, found, true);
+                    gained = Some(found - likelihood);
+                    (at, run, likelihood) = (next, there, found);
                     damping *= 0.1;
                     break;
                 }
             }
+            is_obstructed = !can_be_run || (attempt > 0 && is_obstructed);
             damping = f64::max(10.0 * damping, 0.1);
         }
-        if !gained {
+        promised = if is_obstructed { by_slope } else { gained.unwrap_or(0.0) };
+        if gained.is_none() {
             break;
         }
     }
@@ -292,6 +301,23 @@ mod tests {
         let wider = Innovations { variance: vec![0.09 * 1.001; 501], ..with(1.7) };
         let score = with(1.7).score(&wider, 0.001);
         assert!((score.information / 250.0 - 1.0).abs() < 1e-9, "{score:?}");
+    }
+
+    /// 100 samples of mean 1 and variance 1 around a, and one more whose innovation jumps from −2 to 3 where a passes 0.905, as that of a sample
+    /// does that a gate takes in there. Below, ln p rises by 0.45 to the maximum without the jump, and falls by 2.5 at it.
+    #[test]
+    fn a_rise_that_no_step_finds_is_not_promised() {
+        let with = |a: f64| {
+            let of_gate = if a < 0.905 { -2.0 } else { 3.0 };
+            let value = (0..100).map(|k| f64::from(2 * (k % 2)) - a).chain([of_gate]).collect();
+            Some(Innovations { value, variance: vec![1.0; 101] })
+        };
+        let found = most_likely([0.8], [0.03], &mut |at: &[f64; 1]| with(at[0])).unwrap();
+        assert!((0.89..0.905).contains(&found.at[0]) && found.promised < 0.05, "{found:?}");
+        // Where the filter cannot be run, what the slope promises stands.
+        let mut ends = |at: &[f64; 1]| if at[0] < 0.905 { with(at[0]) } else { None };
+        let found = most_likely([0.8], [0.03], &mut ends).unwrap();
+        assert!((0.89..0.905).contains(&found.at[0]) && found.promised > 0.3, "{found:?}");
     }
 
     #[test]

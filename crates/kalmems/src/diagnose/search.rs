@@ -320,16 +320,16 @@ pub(super) struct MostLikelySizes {
     pub(super) sd: Vec<f64>,
     pub(super) correlation: Vec<Vec<f64>>,
     pub(super) log_likelihood: f64,
-    /// What ln p would still gain by its slope where the search ended.
+    /// What ln p would still gain where the search ended.
     pub(super) promised: f64,
 }
 
-/// What ln p may still gain by its slope at what counts as its maximum: half of a standard error from it.
+/// What ln p may still gain at what counts as its maximum: half of a standard error from it.
 const MAXIMUM: f64 = 0.125;
 
 impl MostLikelySizes {
-    /// Whether the search ended where no maximum is: at the end of what is tried, or of what the filter can be run with, or at a kink. Neither value
-    /// nor standard error means anything there.
+    /// Whether the search ended where no maximum is: at the end of what is tried, or of what the filter can be run with. Neither value nor standard
+    /// error means anything there.
     pub(super) fn is_no_maximum(&self) -> bool {
         self.promised.is_nan() || self.promised > MAXIMUM
     }

@@ -136,8 +136,7 @@ fn the_tuning_fork_is_followed_through_its_feedthrough() {
 
 /// The angular rate has an rms of 1 rad/s; the quadrature is as large as one of 5.25 rad/s, and stated a quarter too small.
 #[test]
-#[ignore = "long: `.ci/run --all` runs it"]
-fn long_the_gyroscope_separates_the_angular_rate_from_its_quadrature() {
+fn the_gyroscope_separates_the_angular_rate_from_its_quadrature() {
     let metrics = estimated("vibrating_gyroscope");
     only_the_filter_with_parameters_passes(&metrics);
     parameters_are_found(&metrics, &VIBRATING_GYROSCOPE);
