@@ -33,7 +33,7 @@ pub use input::{SimulatedInput, captured, input_of};
 pub use integration::IntegrationError;
 pub use noise::WhiteNoise;
 pub use recording::{
-    Papers, RunFile, SimulateError, SimulatedColumn, SimulatedSample, Simulation, SimulationStart,
+    RunFile, SimulateError, SimulatedColumn, SimulatedSample, Simulation, SimulationFiles, SimulationStart,
 };
 pub use response::{
     SweepHold, SweepPoint, SweepSettings, SweepStartUp, Sweeps, start_up, stepped_sweep, sweeps_both_ways,

@@ -39,7 +39,7 @@ pub struct SimulatedSample<'a> {
 
 /// What a run tells beside its samples, such as what a loop commanded.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Papers {
+pub struct SimulationFiles {
     /// Files beside the recording.
     pub files: Vec<RunFile>,
     /// Pictures beside it, which are called as the figures are.
@@ -111,8 +111,8 @@ pub trait Simulation {
     }
 
     /// What a run tells beside its samples; nothing before it has run.
-    fn papers(&self) -> Papers {
-        Papers::default()
+    fn files(&self) -> SimulationFiles {
+        SimulationFiles::default()
     }
 }
 

@@ -1,10 +1,9 @@
 /*
  * An extended Kalman filter, made by kalmems-equations 0.1.0 from a device's equations; not to be edited.
  * Made by kalmems 0.1.0 with `kalmems export`; not to be edited.
- * Experiment `scanner_filter`, sha256 22827e5ef19e697e0aca21105e2fe23d62450b77fca820ffdd0bc24770b39a0a, filter `Euler EKF`.
+ * Experiment `scanner_filter`, sha256 51a681629ee8070a0d188834044079e2436f52a6fbf4dae4848ef4530e09c416, filter `Euler EKF`.
  * Sampling interval 1.0000000000000243e-6 s, corrected by every sample.
- * The signal is the same for the mirrored motion; `first_peak` is not known to equations, so that the sign is that of the start.
- * Equations know nothing of `first_peak`: left out.
+ * The signal is the same for the mirrored motion, and the source mirrors nothing: its sign is that of the start.
  * A step goes over 1.0000000000000243e-6 s, by Euler's method.
  * Numbers have 32 bits.
  * In a rehearsal with numbers of 32 bits the largest difference from the filter of the library was 6.1e-7 of the largest value of a state.

@@ -6,9 +6,9 @@
 
 mod design;
 mod drift;
+mod files;
 mod filter;
 mod observer;
-mod papers;
 mod report;
 mod run;
 

@@ -4,13 +4,13 @@ use super::super::past::DelayedState;
 use super::super::simulation::SIGNAL_NOISE;
 use super::design::{MOST, Regulation};
 use super::drift::Drifted;
+use super::files;
 use super::observer::{RegulationObserver, STATES};
-use super::papers;
 use super::report::{RegulationReport, RegulationWindow, TriggerCheck};
 use crate::config::{ConfigFault, Experiment};
 use crate::signal::hermite;
 use crate::simulate::{
-    Converter, Papers, SimulateError, SimulatedColumn, SimulatedSample, Simulation, WhiteNoise,
+    Converter, SimulateError, SimulatedColumn, SimulatedSample, Simulation, SimulationFiles, WhiteNoise,
 };
 use kalmems_core::Portable;
 use kalmems_core::{Ekf, Filter, Measurement, Process, ProcessNoise, Rk4};
@@ -167,8 +167,8 @@ impl Simulation for RegulatedSimulation {
         Ok(())
     }
 
-    fn papers(&self) -> Papers {
-        self.report.get().map_or_else(Papers::default, papers::of)
+    fn files(&self) -> SimulationFiles {
+        self.report.get().map_or_else(SimulationFiles::default, files::of)
     }
 }
 

@@ -133,14 +133,14 @@ pub fn write_simulation(
             experiment: experiment.to_table().map_err(io::Error::other)?,
         })
     })?;
-    let papers = simulation.papers();
-    for paper in &papers.files {
+    let written = simulation.files();
+    for paper in &written.files {
         output.write(paper.name, |w| w.write_all(&paper.content))?;
     }
-    for figure in &papers.figures {
+    for figure in &written.figures {
         output.write(&format!("{}.svg", figure.id), |w| w.write_all(figure.to_svg().as_bytes()))?;
     }
-    let (samples, outlook, told) = (simulation.samples(), simulation.outlook(), papers.lines);
+    let (samples, outlook, told) = (simulation.samples(), simulation.outlook(), written.lines);
     let summary = SimulationSummary { samples, largest, outlook, told, integration, seed };
     let html = simulation_page(experiment, simulation, &summary, [&recorded, &truth])?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;

@@ -197,7 +197,7 @@ fn the_rig_hands_it_out() {
     let experiment = experiment(&[]).unwrap();
     let simulation = published().rig(&experiment).unwrap().simulate(&experiment).unwrap();
     assert_eq!(simulation.samples(), 1_250_001);
-    assert!(simulation.papers().files.is_empty());
+    assert!(simulation.files().files.is_empty());
     let direct = RegulatedSimulation::of(&experiment).unwrap();
     assert_eq!(direct.outlook(), simulation.outlook());
 }

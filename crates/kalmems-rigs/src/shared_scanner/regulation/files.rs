@@ -1,12 +1,12 @@
 //! The files of a regulated run.
 
 use super::report::{RegulationReport, RegulationWindow};
-use crate::simulate::{Papers, RunFile};
+use crate::simulate::{RunFile, SimulationFiles};
 use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use std::fmt::Write as _;
 
 /// What is written beside recording and truth, and what is said.
-pub fn of(report: &RegulationReport) -> Papers {
+pub fn of(report: &RegulationReport) -> SimulationFiles {
     let json = serde_json::to_string_pretty(report).unwrap_or_default() + "\n";
     let mut files = vec![
         RunFile { name: "regulation.csv", content: windows(report).into_bytes() },
@@ -15,7 +15,7 @@ pub fn of(report: &RegulationReport) -> Papers {
     if report.trigger.is_some() {
         files.push(RunFile { name: "trigger.csv", content: events(report).into_bytes() });
     }
-    Papers { files, figures: vec![figure(report)], lines: lines(report) }
+    SimulationFiles { files, figures: vec![figure(report)], lines: lines(report) }
 }
 
 fn windows(report: &RegulationReport) -> String {
