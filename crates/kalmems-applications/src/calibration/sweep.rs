@@ -23,6 +23,9 @@ pub(super) struct BandResponse {
 
 /// The bands of a record that begins and ends at rest, from low to high.
 pub(super) fn bands(reference: &[f64], shown: &[f64], interval_s: f64) -> Vec<BandResponse> {
+    if reference.len() < FEWEST_LINES {
+        return Vec::new();
+    }
     let lines_of = |values: &[f64]| {
         let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
         fourier_transform(&mut values.iter().map(|value| value - mean).collect::<Vec<_>>())

@@ -201,6 +201,9 @@ fn turned_saturated_and_too_few_steps_are_named_and_none_is_certified() {
     let said = found.findings.join("\n");
     assert!(said.contains("`gz_rad_per_s`: -3.0") && said.contains("beyond the stated range"), "{said}");
     assert!(!said.contains("table_rad_per_s"), "{said}");
+    let of_unit = FILE.replace("[[rates]]", "full_scale = \"2.9 rad/s\"\n[[rates]]");
+    let said = calibrated(&GYROSCOPE, &rates, 3, &of_unit).unwrap_err().to_string();
+    assert!(said.contains("gz_rad_per_s") && said.contains("clipped"), "{said}");
     // A converter that ends at 2.9 rad/s, of which nothing is stated.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("rates.csv");
