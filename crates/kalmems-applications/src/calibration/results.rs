@@ -848,36 +848,44 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
 }
 
 fn entries(found: &Calibration, w: &mut dyn Write) -> io::Result<()> {
-    writeln!(w, "condition,reference,quantity,unit,value,by_records,uncertainty,low,high")?;
+    let mut table = csv::Writer::from_writer(w);
+    table.write_record([
+        "condition",
+        "reference",
+        "quantity",
+        "unit",
+        "value",
+        "by_records",
+        "uncertainty",
+        "low",
+        "high",
+    ])?;
+    let mut put = |words: [&str; 4], entry: &UncertainEstimate| {
+        let UncertainEstimate { value, by_records, uncertainty, interval: [low, high], .. } = *entry;
+        table.write_record(row(&words, &[value, by_records, uncertainty, low, high]))
+    };
     for result in &found.results {
         let names = (0..9).map(|k| format!("k_{}{}", AXES[k / 3], AXES[k % 3]));
         let entries = names.zip(result.matrix.iter().flatten()).map(|(name, entry)| (name, "1", entry));
         let biases =
             AXES.iter().zip(&result.bias).map(|(axis, bias)| (format!("bias_{axis}"), "rad/s", bias));
         for (name, unit, entry) in entries.chain(biases) {
-            let Some(UncertainEstimate { value, by_records, uncertainty, interval: [low, high], .. }) = entry
-            else {
-                continue;
-            };
-            writeln!(
-                w,
-                "{},{},{name},{unit},{value:e},{by_records:e},{uncertainty:e},{low:e},{high:e}",
-                result.condition, result.reference
-            )?;
+            let Some(entry) = entry else { continue };
+            put([&result.condition, &result.reference, &name, unit], entry)?;
         }
     }
     for record in &found.records {
         for quantity in &record.quantities {
-            let UncertainEstimate { value, by_records, uncertainty, interval: [low, high], .. } =
-                quantity.estimate;
-            writeln!(
-                w,
-                "{},,{},{},{value:e},{by_records:e},{uncertainty:e},{low:e},{high:e}",
-                record.kind, quantity.name, quantity.unit.unit
-            )?;
+            put([record.kind, "", &quantity.name, quantity.unit.unit], &quantity.estimate)?;
         }
     }
-    Ok(())
+    table.flush()
+}
+
+/// The cells of words, which may be anybody's, and of numbers.
+fn row(words: &[&str], numbers: &[f64]) -> Vec<String> {
+    let words = words.iter().map(|word| guarded(word).into_owned());
+    words.chain(numbers.iter().map(|number| format!("{number:e}"))).collect()
 }
 
 fn records(results: &[CalibratedGyroscope], w: &mut dyn Write) -> io::Result<()> {
@@ -907,10 +915,8 @@ fn records(results: &[CalibratedGyroscope], w: &mut dyn Write) -> io::Result<()>
                 r.deviation,
                 residual,
             ];
-            let words =
-                [&result.condition, &result.reference, &r.record].map(|word| guarded(word).into_owned());
-            let words = words.into_iter().chain([AXES[result.main].to_owned()]);
-            table.write_record(words.chain(numbers.map(|number| format!("{number:e}"))))?;
+            let words: [&str; 4] = [&result.condition, &result.reference, &r.record, AXES[result.main]];
+            table.write_record(row(&words, &numbers))?;
         }
     }
     table.flush()
@@ -1037,6 +1043,12 @@ struct CalibrationRecord<'a> {
 mod tests {
     use super::*;
     use crate::metrology::Combined;
+
+    /// A condition may be called so, and a record has the name of its file.
+    #[test]
+    fn words_that_a_spreadsheet_would_compute_are_text_in_every_table() {
+        assert_eq!(row(&["-1", "-monday", "=1+1"], &[-0.5]), ["-1", "'-monday", "'=1+1", "-5e-1"]);
+    }
 
     /// The two-sided quantiles of the t distribution for 95 %, JCGM 100, table G.2: 3.18 with 3 degrees of freedom, 2.57 with 5.
     fn combined(ppm: f64, degrees_of_freedom: f64, coverage_factor: f64) -> Combined {
