@@ -45,6 +45,7 @@ impl StepFigure {
 /// What a step of fourth order is off by, of what it differs from two of half the length by.
 const OF_FOURTH_ORDER: f64 = 16.0 / 15.0;
 
+#[allow(clippy::needless_range_loop)] // iterators that are zipped are not inlined: each costs a call for every sample
 impl<const N: usize> StepWatch<N> {
     pub(super) const fn new(is_unscented: bool) -> Self {
         let nis = (0.0, 0.0);
@@ -60,8 +61,8 @@ impl<const N: usize> StepWatch<N> {
     ) {
         let before = self.difference;
         if before.iter().any(|e| *e != 0.0) {
-            for (to, row) in self.difference.iter_mut().zip(&slopes.0) {
-                *to = row.iter().zip(&before).map(|(slope, e)| slope * e).sum();
+            for i in 0..N {
+                self.difference[i] = product(&slopes.0[i], &before);
             }
         }
         let (mut whole, mut halves) = (*next, [0.0; N]);
@@ -72,8 +73,8 @@ impl<const N: usize> StepWatch<N> {
         if self.is_unscented {
             transition.advance(mean, &mut whole);
         }
-        for ((e, halves), whole) in self.difference.iter_mut().zip(&halves).zip(&whole) {
-            *e += halves - whole;
+        for i in 0..N {
+            self.difference[i] += halves[i] - whole[i];
         }
     }
 
@@ -90,10 +91,9 @@ impl<const N: usize> StepWatch<N> {
         }
         let mut slopes = [0.0; N];
         sensor.linearize(from, &mut slopes);
-        let read: f64 = slopes.iter().zip(&self.difference).map(|(slope, e)| slope * e).sum();
-        let share = read / innovation;
-        for ((e, from), to) in self.difference.iter_mut().zip(from).zip(to) {
-            *e -= (to - from) * share;
+        let share = product(&slopes, &self.difference) / innovation;
+        for i in 0..N {
+            self.difference[i] -= (to[i] - from[i]) * share;
         }
     }
 
@@ -106,10 +106,10 @@ impl<const N: usize> StepWatch<N> {
         if nis.is_finite() {
             self.nis = (self.nis.0 + nis, self.nis.1 + 1.0);
         }
-        for (i, (squares, e)) in self.squares.iter_mut().zip(&self.difference).enumerate() {
-            let variance = covariance.get(i, i);
+        for i in 0..N {
+            let (variance, e) = (covariance.get(i, i), self.difference[i]);
             // What is known exactly has no error to compare with.
-            *squares += if variance > 0.0 { e * e / variance } else { 0.0 };
+            self.squares[i] += if variance > 0.0 { e * e / variance } else { 0.0 };
         }
         self.samples += 1;
     }
@@ -133,6 +133,17 @@ impl<const N: usize> StepWatch<N> {
     pub(super) const fn samples(&self) -> usize {
         self.samples
     }
+}
+
+/// Σ aᵢ·bᵢ, in the order of the indices.
+#[inline]
+#[allow(clippy::needless_range_loop)] // as above
+fn product<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    let mut sum = -0.0;
+    for i in 0..N {
+        sum += a[i] * b[i];
+    }
+    sum
 }
 
 /// The error of the steps over some samples of a filter's way.
