@@ -853,33 +853,44 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
 }
 
 fn entries(found: &Calibration, w: &mut dyn Write) -> io::Result<()> {
-    writeln!(w, "condition,reference,quantity,unit,value,by_records,uncertainty,low,high")?;
-    let mut row = |place: [&str; 2], name: &str, unit: &str, found: &UncertainEstimate| {
-        let UncertainEstimate { value, by_records, uncertainty, interval: [low, high], .. } = found;
-        let [condition, reference] = place;
-        writeln!(
-            w,
-            "{condition},{reference},{name},{unit},{value:e},{by_records:e},{uncertainty:e},{low:e},{high:e}"
-        )
+    let mut table = csv::Writer::from_writer(w);
+    table.write_record([
+        "condition",
+        "reference",
+        "quantity",
+        "unit",
+        "value",
+        "by_records",
+        "uncertainty",
+        "low",
+        "high",
+    ])?;
+    let mut put = |words: [&str; 4], entry: &UncertainEstimate| {
+        let UncertainEstimate { value, by_records, uncertainty, interval: [low, high], .. } = *entry;
+        table.write_record(row(&words, &[value, by_records, uncertainty, low, high]))
     };
     for result in &found.results {
-        let place = [result.condition.as_str(), &result.reference];
-        for (k, entry) in result.matrix.iter().flatten().enumerate() {
-            let name = format!("k_{}{}", AXES[k / 3], AXES[k % 3]);
-            entry.iter().try_for_each(|entry| row(place, &name, "1", entry))?;
-        }
-        for (axis, bias) in AXES.iter().zip(&result.bias) {
-            bias.iter().try_for_each(|bias| row(place, &format!("bias_{axis}"), "rad/s", bias))?;
+        let names = (0..9).map(|k| format!("k_{}{}", AXES[k / 3], AXES[k % 3]));
+        let entries = names.zip(result.matrix.iter().flatten()).map(|(name, entry)| (name, "1", entry));
+        let biases =
+            AXES.iter().zip(&result.bias).map(|(axis, bias)| (format!("bias_{axis}"), "rad/s", bias));
+        for (name, unit, entry) in entries.chain(biases) {
+            let Some(entry) = entry else { continue };
+            put([&result.condition, &result.reference, &name, unit], entry)?;
         }
     }
-    let of_records = found
-        .records
-        .iter()
-        .flat_map(|record| record.quantities.iter().map(move |quantity| (record.kind, quantity)));
-    for (kind, quantity) in of_records {
-        row([kind, ""], &quantity.name, quantity.unit.unit, &quantity.estimate)?;
+    for record in &found.records {
+        for quantity in &record.quantities {
+            put([record.kind, "", &quantity.name, quantity.unit.unit], &quantity.estimate)?;
+        }
     }
-    Ok(())
+    table.flush()
+}
+
+/// The cells of words, which may be anybody's, and of numbers.
+fn row(words: &[&str], numbers: &[f64]) -> Vec<String> {
+    let words = words.iter().map(|word| guarded(word).into_owned());
+    words.chain(numbers.iter().map(|number| format!("{number:e}"))).collect()
 }
 
 fn records(results: &[CalibratedGyroscope], w: &mut dyn Write) -> io::Result<()> {
@@ -909,10 +920,8 @@ fn records(results: &[CalibratedGyroscope], w: &mut dyn Write) -> io::Result<()>
                 r.deviation,
                 residual,
             ];
-            let words =
-                [&result.condition, &result.reference, &r.record].map(|word| guarded(word).into_owned());
-            let words = words.into_iter().chain([AXES[result.main].to_owned()]);
-            table.write_record(words.chain(numbers.map(|number| format!("{number:e}"))))?;
+            let words: [&str; 4] = [&result.condition, &result.reference, &r.record, AXES[result.main]];
+            table.write_record(row(&words, &numbers))?;
         }
     }
     table.flush()
@@ -1039,6 +1048,12 @@ struct CalibrationRecord<'a> {
 mod tests {
     use super::*;
     use crate::metrology::Combined;
+
+    /// A condition may be called so, and a record has the name of its file.
+    #[test]
+    fn words_that_a_spreadsheet_would_compute_are_text_in_every_table() {
+        assert_eq!(row(&["-1", "-monday", "=1+1"], &[-0.5]), ["-1", "'-monday", "'=1+1", "-5e-1"]);
+    }
 
     /// The two-sided quantiles of the t distribution for 95 %, JCGM 100, table G.2: 3.18 with 3 degrees of freedom, 2.57 with 5.
     fn combined(ppm: f64, degrees_of_freedom: f64, coverage_factor: f64) -> Combined {

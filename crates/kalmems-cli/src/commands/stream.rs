@@ -37,6 +37,9 @@ mod wires;
 /// A file is followed by the next after so long at least, so that their names differ.
 const SHORTEST_SERIES: Duration = Duration::from_secs(1);
 
+/// Bytes of standard output that are written at once: each write is looked through for the end of a line.
+const OUTPUT: usize = 1 << 16;
+
 /// The exit code where the connection broke.
 const BROKEN: u8 = 4;
 
@@ -191,7 +194,7 @@ fn output(
 ) -> Result<Box<dyn Write>, CommandEnding> {
     if to == Path::new("-") {
         let reader = StandardOutput { goes_on, is_gone: false };
-        return Ok(Box::new(BufWriter::new(reader)));
+        return Ok(Box::new(BufWriter::with_capacity(OUTPUT, reader)));
     }
     Ok(Box::new(SeriesWriter::new(FileSeries::begin(to, is_own, with)?, is_head)))
 }

@@ -1270,6 +1270,11 @@ fn a_listener_serves_the_next_client_behind_one_that_sends_no_sample() {
 
 /// A stream of the example with each row changed; the exit code, the lines, and what was said.
 fn streamed(change: impl Fn(usize, &str) -> String) -> (Option<i32>, String, String) {
+    streamed_by(STREAM, change)
+}
+
+/// The same by another experiment file.
+fn streamed_by(experiment: &str, change: impl Fn(usize, &str) -> String) -> (Option<i32>, String, String) {
     let folder = tempfile::tempdir().unwrap();
     let recording = std::fs::read_to_string(root().join("examples/shared_scanner/recording.csv")).unwrap();
     let rows = recording
@@ -1278,7 +1283,7 @@ fn streamed(change: impl Fn(usize, &str) -> String) -> (Option<i32>, String, Str
         .map(|(row, line)| if row == 0 { line.to_owned() } else { change(row, line) });
     let path = folder.path().join("samples.csv");
     std::fs::write(&path, rows.collect::<Vec<_>>().join("\n") + "\n").unwrap();
-    let output = run(&["stream", STREAM, "--json", "--from", path.to_str().unwrap()]);
+    let output = run(&["stream", experiment, "--json", "--from", path.to_str().unwrap()]);
     (output.status.code(), text(&output.stdout), text(&output.stderr))
 }
 
@@ -1368,14 +1373,31 @@ fn a_bad_beginning_costs_the_same_rows_in_memory_in_parts_and_in_a_stream_and_be
 
 #[test]
 fn a_filter_of_a_stream_that_stops_is_started_again_and_lines_without_numbers_say_why() {
-    // A signal that is no signal while the filter settles, and a drive that is none then and later.
-    for (row, place, cell) in [(101, 2, "1000"), (101, 1, "1e100"), (15_001, 1, "1e100")] {
+    let folder = tempfile::tempdir().unwrap();
+    let unscented = folder.path().join("stream.toml");
+    let example = std::fs::read_to_string(root().join(STREAM)).unwrap();
+    std::fs::write(&unscented, example.replace("\"ekf\"", "\"ukf\"\nalpha = 1e-6\nbeta = 0")).unwrap();
+    let unscented = unscented.to_str().unwrap();
+    // A signal that is no signal while the filter settles, and a drive that is none then and later. Points so near to each other turn a large
+    // drive into a covariance that is not definite, from which no further points can be drawn.
+    for (experiment, why, row, place, cell) in [
+        (STREAM, "state", 101, 2, "1000"),
+        (STREAM, "state", 101, 1, "1e100"),
+        (STREAM, "state", 15_001, 1, "1e100"),
+        (unscented, "the state covariance is not positive definite", 15_001, 1, "1e5"),
+    ] {
         let (code, lines, said) =
-            streamed(|at, line| if at == row { with_cell(line, place, cell) } else { line.to_owned() });
+            streamed_by(
+                experiment,
+                |at, line| {
+                    if at == row { with_cell(line, place, cell) } else { line.to_owned() }
+                },
+            );
         assert_eq!(code, Some(0), "{said}");
         let of = |name: &str| format!("event,{{\"event\":\"{name}\"");
         let stops =
             lines.lines().filter(|line| line.starts_with(&of("stopped")) && line.contains("\"ekf\"")).count();
+        assert!(lines.lines().any(|line| line.starts_with(&of("stopped")) && line.contains(why)), "{lines}");
         let again =
             lines.lines().filter(|line| line.contains("started_again") && line.contains("\"ekf\"")).count();
         assert_eq!((stops, again), (1, 1), "{row} {cell}: {said}");

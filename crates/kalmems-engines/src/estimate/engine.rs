@@ -579,6 +579,8 @@ pub struct FilterRun<const N: usize> {
     filter: LinkedFilter<N>,
     /// The filter at the first row of the part that was taken last, predicted and not yet corrected.
     entry: LinkedFilter<N>,
+    /// The filter as it was made.
+    made: Box<dyn StateFilter<N>>,
     begun: bool,
     recovery: Recovery,
     errors: ErrorMemory<N>,
@@ -591,6 +593,7 @@ pub struct FilterRun<const N: usize> {
 impl<const N: usize> FilterRun<N> {
     /// From the segment's first sample on.
     pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: SampleGate) -> Self {
+        let made = filter.copied();
         // Remembers what only a smoother needs; so that a filter is compiled once for both.
         let filter = LinkedFilter::new(filter, watch);
         let (errors, loss) = (ErrorMemory::new(), LossWatch::new());
@@ -598,6 +601,7 @@ impl<const N: usize> FilterRun<N> {
         Self {
             entry: filter.clone(),
             filter,
+            made,
             begun: false,
             recovery,
             errors,
@@ -749,6 +753,8 @@ impl<const N: usize> FilterRun<N> {
         self.recovery.stop(failure);
         self.loss.stop();
         self.filter.forget();
+        // An unscented filter whose covariance is not definite comes to no other state, as it draws its points from that one.
+        self.filter.put(self.made.copied());
         // The filter began from this state, which therefore is one.
         let _ = self.filter.take_over(&AnyKnownStateStep::from(&self.recovery.start));
         if k == 0 {

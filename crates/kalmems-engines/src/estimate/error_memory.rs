@@ -156,6 +156,7 @@ impl<const N: usize> ErrorMemory<N> {
     }
 
     /// Carries the covariances on; whether something of them is left.
+    #[allow(clippy::needless_range_loop)] // iterators that are zipped are not inlined: each costs a call for every sample
     fn carry(
         &mut self,
         link: &StateTransition<f64, N>,
@@ -167,10 +168,19 @@ impl<const N: usize> ErrorMemory<N> {
         let solver = Ldl::of(&Covariance::from_lower(Mat::from_fn(distinct)));
         let (mut left, mut own): (f64, f64) = (0.0, 0.0);
         for (i, column) in self.columns.iter_mut().take(N).enumerate() {
-            let moved: [f64; N] =
-                std::array::from_fn(|r| link.transition.0[r].iter().zip(&*column).map(|(f, v)| f * v).sum());
+            let mut moved = [-0.0; N];
+            for r in 0..N {
+                for c in 0..N {
+                    moved[r] += link.transition.0[r][c] * column[c];
+                }
+            }
             let weighted = solver.solve(&moved);
-            *column = std::array::from_fn(|r| (0..N).map(|c| after.get(r, c) * weighted[c]).sum());
+            *column = [-0.0; N];
+            for r in 0..N {
+                for c in 0..N {
+                    column[r] += after.get(r, c) * weighted[c];
+                }
+            }
             let square = |j: usize| column[j] * column[j] / (self.variance[i] * after.get(j, j));
             self.sums_s[i] += square(i) * interval_s;
             own = own.max(square(i));

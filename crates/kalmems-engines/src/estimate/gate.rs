@@ -154,6 +154,8 @@ struct SignalGate {
     /// All samples, and those beyond the bound.
     samples: f64,
     beyond: f64,
+    /// A bound, and how probable an innovation within it is of a filter that is right: the bound often stays the same.
+    within: (f64, f64),
 }
 
 /// Numbers of a gate.
@@ -168,16 +170,19 @@ impl SignalGate {
         settling: 0,
         samples: 0.0,
         beyond: 0.0,
+        within: (f64::NAN, f64::NAN),
     };
 
     /// ln p of an innovation by what the gate takes samples for: normal up to its bound and, with the share of the samples before that lay beyond,
     /// anything beyond, with the density c/(2z²) of a number z standard deviations away. `normal` is the logarithm of the normal density.
-    fn log_density(&self, normal: f64, (nis, total): (f64, f64), bound: f64) -> f64 {
+    fn log_density(&mut self, normal: f64, (nis, total): (f64, f64), bound: f64) -> f64 {
         // Half a sample beyond is assumed before the first (Krichevsky & Trofimov): what is foreseen depends on the past alone.
         let beyond = (self.beyond + 0.5) / (self.samples + 1.0);
         if nis <= bound {
-            let within = 1.0 - erfc((0.5 * bound).sqrt());
-            return normal + Scalar::ln((1.0 - beyond) / within);
+            if self.within.0 != bound {
+                self.within = (bound, 1.0 - erfc((0.5 * bound).sqrt()));
+            }
+            return normal + Scalar::ln((1.0 - beyond) / self.within.1);
         }
         Scalar::ln(0.5 * beyond * bound.sqrt() / (nis * total.sqrt()))
     }
@@ -239,8 +244,8 @@ pub struct SampleGate {
     turned: Option<bool>,
     /// Σ ln p over the signals of the present sample by what each is taken for; none before the first of them.
     log_density: Option<f64>,
-    /// Σ ln p by the normal law over those of them that were taken.
-    taken_log_likelihood: f64,
+    /// Those of them that were taken.
+    taken: Vec<Innovation<f64, 1>>,
 }
 
 impl SampleGate {
@@ -261,7 +266,7 @@ impl SampleGate {
             rejected,
             turned: None,
             log_density: None,
-            taken_log_likelihood: 0.0,
+            taken: Vec::new(),
         }
     }
 
@@ -306,7 +311,7 @@ impl SampleGate {
 
     /// Σ ln p by the normal law over the signals of the present sample that were taken.
     pub(super) fn taken_log_likelihood(&self) -> f64 {
-        self.taken_log_likelihood
+        self.taken.iter().fold(0.0, |sum, found| sum + found.log_likelihood())
     }
 
     /// Of a filter that says what several do: ln p of the present sample by all of them.
@@ -318,7 +323,7 @@ impl SampleGate {
     fn enter(&mut self, density: f64, found: &Innovation<f64, 1>) {
         self.log_density = Some(self.log_density.unwrap_or(0.0) + density);
         if found.taken {
-            self.taken_log_likelihood += found.log_likelihood();
+            self.taken.push(*found);
         }
     }
 
@@ -329,7 +334,7 @@ impl SampleGate {
         self.rejected.clear();
         self.turned = None;
         self.log_density = None;
-        self.taken_log_likelihood = 0.0;
+        self.taken.clear();
     }
 
     /// What was rejected of the present sample: the signal, innovation and standard deviation.
@@ -373,6 +378,7 @@ impl SampleGate {
                 settling: settling as u32,
                 samples,
                 beyond,
+                ..SignalGate::NEW
             }),
             _ => None,
         };
@@ -453,7 +459,7 @@ impl SampleGate {
                 (weighed.deviance * found.covariance.get(0, 0)).sqrt().copysign(found.residual[0]);
         }
         let density = match self.taking.largest_nis {
-            Some(_) => gate.log_density(of_law, (found.nis, total), bound),
+            Some(_) => self.gates[signal].log_density(of_law, (found.nis, total), bound),
             None => of_law,
         };
         self.enter(density, &found);
@@ -571,7 +577,7 @@ mod tests {
     use super::*;
 
     /// ∫ e^f over ±span by Simpson's rule, and twice the tail c/(2z²) beyond where there is one.
-    fn integral(f: impl Fn(f64) -> f64, span: f64) -> f64 {
+    fn integral(mut f: impl FnMut(f64) -> f64, span: f64) -> f64 {
         const STEPS: u32 = 400_000;
         let h = 2.0 * span / f64::from(STEPS);
         let weight = |k: u32| {
@@ -594,7 +600,7 @@ mod tests {
                 let all = integral(|r| law.log_density((r, total), noise), 400.0);
                 assert!((all - 1.0).abs() < 1e-5, "{law:?} {total}: {all}");
             }
-            let gate = SignalGate { samples: 100.0, beyond: 3.0, ..SignalGate::NEW };
+            let mut gate = SignalGate { samples: 100.0, beyond: 3.0, ..SignalGate::NEW };
             let bound = 6.0;
             let of = |r: f64| {
                 let nis = r * r / total;

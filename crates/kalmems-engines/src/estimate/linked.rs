@@ -84,6 +84,11 @@ impl<const N: usize> LinkedFilter<N> {
         self.watch.follow(decided);
     }
 
+    /// Goes on with another filter, and takes its samples as before.
+    pub(super) fn put(&mut self, filter: Box<dyn StateFilter<N>>) {
+        (self.mean, self.filter) = (filter.known().mean, filter);
+    }
+
     /// What the filter knows.
     pub(super) fn gaussian(&self) -> Gaussian<f64, N> {
         self.filter.known()

@@ -50,6 +50,7 @@ impl StepFigure {
 /// What a step of fourth order is off by, of what it differs from two of half the length by.
 const OF_FOURTH_ORDER: f64 = 16.0 / 15.0;
 
+#[allow(clippy::needless_range_loop)] // iterators that are zipped are not inlined: each costs a call for every sample
 impl<const N: usize> StepWatch<N> {
     pub(super) const fn new(is_unscented: bool) -> Self {
         Self {
@@ -81,8 +82,8 @@ impl<const N: usize> StepWatch<N> {
         for difference in [&mut self.difference, &mut self.of_longer_steps] {
             let before = *difference;
             if before.iter().any(|e| *e != 0.0) {
-                for (to, row) in difference.iter_mut().zip(&slopes.0) {
-                    *to = row.iter().zip(&before).map(|(slope, e)| slope * e).sum();
+                for i in 0..N {
+                    difference[i] = product(&slopes.0[i], &before);
                 }
             }
         }
@@ -94,8 +95,8 @@ impl<const N: usize> StepWatch<N> {
         if self.is_unscented {
             transition.advance(mean, &mut whole);
         }
-        for ((e, halves), whole) in self.difference.iter_mut().zip(&halves).zip(&whole) {
-            *e += halves - whole;
+        for i in 0..N {
+            self.difference[i] += halves[i] - whole[i];
         }
     }
 
@@ -113,10 +114,9 @@ impl<const N: usize> StepWatch<N> {
         let mut slopes = [0.0; N];
         sensor.linearize(from, &mut slopes);
         for difference in [&mut self.difference, &mut self.of_longer_steps] {
-            let read: f64 = slopes.iter().zip(&*difference).map(|(slope, e)| slope * e).sum();
-            let share = read / innovation;
-            for ((e, from), to) in difference.iter_mut().zip(from).zip(to) {
-                *e -= (to - from) * share;
+            let share = product(&slopes, difference) / innovation;
+            for i in 0..N {
+                difference[i] -= (to[i] - from[i]) * share;
             }
         }
     }
@@ -130,11 +130,12 @@ impl<const N: usize> StepWatch<N> {
         if nis.is_finite() {
             self.nis = (self.nis.0 + nis, self.nis.1 + 1.0);
         }
-        for (i, (present, longer)) in self.difference.iter().zip(&self.of_longer_steps).enumerate() {
-            let variance = covariance.get(i, i);
+        for i in 0..N {
+            let (variance, present) = (covariance.get(i, i), self.difference[i]);
             // What is known exactly has no error to compare with.
             if variance > 0.0 {
-                self.squares[i] += (present + longer).powi(2) / variance;
+                let all = present + self.of_longer_steps[i];
+                self.squares[i] += all * all / variance;
                 self.squares_of_present[i] += present * present / variance;
             }
         }
@@ -163,6 +164,17 @@ impl<const N: usize> StepWatch<N> {
     pub(super) const fn samples(&self) -> usize {
         self.samples
     }
+}
+
+/// Σ aᵢ·bᵢ, in the order of the indices.
+#[inline]
+#[allow(clippy::needless_range_loop)] // as above
+fn product<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    let mut sum = -0.0;
+    for i in 0..N {
+        sum += a[i] * b[i];
+    }
+    sum
 }
 
 /// The error of the steps over some samples of a filter's way.

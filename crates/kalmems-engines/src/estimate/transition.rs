@@ -59,14 +59,14 @@ impl<'a, P: Process<f64, N>, const N: usize> ProcessTransition<'a, P, N> {
 impl<P: Process<f64, N>, const N: usize> Transition for ProcessTransition<'_, P, N> {
     #[inline(never)]
     fn advance(&self, x: &[f64], to: &mut [f64]) {
-        to.copy_from_slice(&self.process.step(&sized(x), self.input));
+        put(to, &self.process.step(&sized(x), self.input));
     }
 
     #[inline(never)]
     fn linearize(&self, x: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
         let (next, slopes) = self.process.linearize(&sized::<N>(x), self.input);
-        to.copy_from_slice(&next);
-        jacobian.copy_from_slice(slopes.0.as_flattened());
+        put(to, &next);
+        put_rows(jacobian, &slopes);
     }
 
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
@@ -76,8 +76,8 @@ impl<P: Process<f64, N>, const N: usize> Transition for ProcessTransition<'_, P,
 
 /// Writes a noise of the core as a [`Transition`] has it.
 fn write_noise<const N: usize>(noise: &ProcessNoise<f64, N>, covariance: &mut [f64], root: &mut [f64]) {
-    covariance.copy_from_slice(noise.covariance().lower_triangle().0.as_flattened());
-    root.copy_from_slice(noise.root().0.as_flattened());
+    put_rows(covariance, noise.covariance().lower_triangle());
+    put_rows(root, noise.root());
 }
 
 /// A measurement of the core as a [`Sensor`].
@@ -93,7 +93,7 @@ impl<H: Measurement<f64, N, 1>, const N: usize> Sensor for MeasurementSensor<'_,
     #[inline(never)]
     fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64 {
         let ([y], jacobian) = self.0.linearize(&sized::<N>(x));
-        slopes.copy_from_slice(jacobian.0.as_flattened());
+        put_rows(slopes, &jacobian);
         y
     }
 }
@@ -103,6 +103,25 @@ impl<H: Measurement<f64, N, 1>, const N: usize> Sensor for MeasurementSensor<'_,
 #[inline]
 fn sized<const N: usize>(x: &[f64]) -> [f64; N] {
     x.try_into().unwrap_or([f64::NAN; N])
+}
+
+/// Writes numbers to a slice of as many.
+#[inline]
+fn put<const N: usize>(to: &mut [f64], numbers: &[f64; N]) {
+    // Of a known length, so that nothing is called for a few numbers.
+    if let Ok(to) = <&mut [f64; N]>::try_from(to) {
+        *to = *numbers;
+    }
+}
+
+/// Writes a matrix to a slice, row by row.
+#[inline]
+fn put_rows<const M: usize, const N: usize>(to: &mut [f64], matrix: &Mat<f64, M, N>) {
+    for (i, row) in matrix.0.iter().enumerate() {
+        if let Some(to) = to.get_mut(i * N..(i + 1) * N) {
+            put(to, row);
+        }
+    }
 }
 
 /// A transition as the filters of the core take it.

@@ -170,8 +170,9 @@ impl Rails {
         self.segment.rows += fresh.len();
         for (row, value) in (begin..).zip(fresh) {
             self.stuck.take(*value, (row, part.segment), |row| lines.of(row));
-            let dropped = self.bits.take(*value);
-            self.hear_dropped(dropped);
+            if let Some(dropped) = self.bits.take(*value) {
+                self.hear_dropped(dropped);
+            }
         }
         self.hear_stuck();
         let numbers = || fresh.iter().copied().filter(|v| !v.is_nan());
@@ -237,8 +238,7 @@ impl Rails {
     }
 
     /// Keeps what the first rows show of a dropped bit: it is found once, and told while rows come and at the end.
-    fn hear_dropped(&mut self, found: Option<DroppedBitFinding>) {
-        let Some(found) = found else { return };
+    fn hear_dropped(&mut self, found: DroppedBitFinding) {
         let place = FindingPlace { column: Some(self.column), segment: None, line: self.first_line };
         let words = drops(found);
         self.news.waiting.push((Kind::DroppedBit, place, 1, words.clone()));
@@ -287,8 +287,9 @@ impl Rails {
 
     /// The end of the recording.
     pub(super) fn finish(mut self, segments: usize, findings: &mut Findings) {
-        let dropped = self.bits.decide();
-        self.hear_dropped(dropped);
+        if let Some(dropped) = self.bits.decide() {
+            self.hear_dropped(dropped);
+        }
         let is_held = self.is_held();
         let place = |segment, line| FindingPlace { column: Some(self.column), segment, line };
         let Some([low, high]) = self.sides else { return };

@@ -5,8 +5,6 @@
 //! repeats a value sixteen times once in 10¹³ rows. The step is the smallest difference that the column has shown; one that is found
 //! later is smaller, so that what counts once counts for ever.
 
-use std::collections::VecDeque;
-
 /// The shortest run of equal rows that counts, and the differences on either side that are looked at.
 pub const STUCK_RUN: usize = 16;
 /// Steps of rounding that half of the differences beside it have to be.
@@ -30,8 +28,9 @@ pub(super) struct EqualRows {
 #[derive(Default)]
 pub(super) struct StuckValues {
     last: Option<f64>,
-    /// The differences of consecutive rows before the present run.
-    before: VecDeque<f64>,
+    /// The last differences of consecutive rows before the present run, in a ring, and how many there were.
+    before: [f64; STUCK_RUN],
+    known: usize,
     step: f64,
     /// Where the present run began, its line, and its rows.
     present: Option<(usize, usize, usize)>,
@@ -74,11 +73,11 @@ impl StuckValues {
         }
         let run = self.present.take();
         if let Some((start, line, rows)) = run.filter(|(_, _, rows)| *rows >= STUCK_RUN) {
-            if self.before.len() == STUCK_RUN && is_moving(self.before.iter().copied(), self.step) {
+            if self.known >= STUCK_RUN && is_moving(self.before.iter().copied(), self.step) {
                 let run = EqualRows { start, rows, value: last, segment, line };
                 self.waiting = Some((run, vec![difference]));
             }
-            self.before.clear();
+            self.known = 0;
         } else {
             // Rows that repeated less often are differences of 0.
             let repeated = run.map_or(0, |(_, _, rows)| rows - 1);
@@ -97,15 +96,13 @@ impl StuckValues {
         if !value.is_finite() {
             self.last = None;
         }
-        self.before.clear();
+        self.known = 0;
         (self.present, self.waiting) = (None, None);
     }
 
     fn push(&mut self, difference: f64) {
-        if self.before.len() == STUCK_RUN {
-            self.before.pop_front();
-        }
-        self.before.push_back(difference);
+        self.before[self.known % STUCK_RUN] = difference;
+        self.known += 1;
     }
 
     /// Rows whose value is that of the row before.

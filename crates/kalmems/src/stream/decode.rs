@@ -2,6 +2,7 @@
 
 use crate::config::{FieldType, FrameCheck, FrameField, StreamFormat};
 use kalmems_formats::{CellFinding, CellReader, Shift, TimeReader};
+use std::ops::Range;
 
 /// One sample as it came.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +32,9 @@ pub const END_MARK: &[u8] = b"# end\n";
 /// The longest line that is looked at; a longer one is damaged.
 const LONGEST: usize = 1 << 16;
 
+/// Vectors that are kept to be used again.
+const SPARE: usize = 1 << 13;
+
 /// Takes bytes as they come and gives the samples in them.
 pub struct Decoder {
     format: DecoderFormat,
@@ -41,6 +45,8 @@ pub struct Decoder {
     times: Option<(usize, TimeReader)>,
     /// Whether the sender has said that no more samples come.
     is_ended: bool,
+    /// Vectors of samples that were taken, to be used again.
+    spare: Vec<Vec<f64>>,
 }
 
 enum DecoderFormat {
@@ -48,11 +54,33 @@ enum DecoderFormat {
     Text { columns: Vec<String>, cells: CellReader, powers: Vec<i32>, in_a_long_line: bool },
     Frames {
         sync: Vec<u8>,
-        fields: Vec<FrameField>,
+        parts: Vec<FramePart>,
         shifts: Vec<Shift>,
         crc: Option<FrameCheck>,
         length: usize,
     },
+}
+
+/// A number in a frame.
+struct FramePart {
+    kind: FieldType,
+    /// Where its bytes stand.
+    at: Range<usize>,
+    /// Whether it counts the frames.
+    is_sequence: bool,
+}
+
+impl FramePart {
+    /// The numbers of a frame, behind what it begins with; and where they end.
+    fn all(sync: usize, fields: &[FrameField]) -> (Vec<Self>, usize) {
+        let mut end = sync;
+        let part = |field: &FrameField| {
+            let at = end..end + field.kind.bytes();
+            end = at.end;
+            Self { kind: field.kind, at, is_sequence: field.is_sequence() }
+        };
+        (fields.iter().map(part).collect(), end)
+    }
 }
 
 impl Decoder {
@@ -65,17 +93,19 @@ impl Decoder {
                 powers: powers.to_vec(),
                 in_a_long_line: false,
             },
-            StreamFormat::Frames { sync, fields, crc } => DecoderFormat::Frames {
-                sync: sync.bytes().to_vec(),
-                fields: fields.clone(),
-                shifts: powers.iter().map(|power| Shift::new(*power)).collect(),
-                crc: *crc,
-                length: sync.bytes().len()
-                    + fields.iter().map(|field| field.kind.bytes()).sum::<usize>()
-                    + crc.map_or(0, FrameCheck::bytes),
-            },
+            StreamFormat::Frames { sync, fields, crc } => {
+                let (parts, end) = FramePart::all(sync.bytes().len(), fields);
+                DecoderFormat::Frames {
+                    sync: sync.bytes().to_vec(),
+                    parts,
+                    shifts: powers.iter().map(|power| Shift::new(*power)).collect(),
+                    crc: *crc,
+                    length: end + crc.map_or(0, FrameCheck::bytes),
+                }
+            }
         };
-        Self { format, rest: Vec::new(), damage: Damage::default(), times: None, is_ended: false }
+        let (rest, spare, damage) = (Vec::new(), Vec::new(), Damage::default());
+        Self { format, rest, damage, times: None, is_ended: false, spare }
     }
 
     /// Reads the numbers at this place as times.
@@ -99,22 +129,30 @@ impl Decoder {
         self.is_ended
     }
 
+    /// Gives the vector of a sample back, for its memory to be used again.
+    pub fn reuse(&mut self, numbers: Vec<f64>) {
+        // Rows that stand for missing samples come here as well, and no sample asks for so many.
+        if self.spare.len() < SPARE {
+            self.spare.push(numbers);
+        }
+    }
+
     /// Takes bytes; each sample that they complete goes to `each`.
     pub fn take(&mut self, bytes: &[u8], each: &mut impl FnMut(StreamSample)) {
         if self.is_ended {
             return;
         }
         self.rest.extend_from_slice(bytes);
-        let times = &mut self.times;
+        let (times, spare) = (&mut self.times, &mut self.spare);
         let done = match &mut self.format {
             DecoderFormat::Text { columns, cells, powers, in_a_long_line } => {
-                let mut numbers = |line: &[u8]| numbers(line, cells, powers, times);
+                let mut numbers = |line: &[u8]| numbers(line, cells, powers, (times, spare));
                 let kept = (in_a_long_line, &mut self.is_ended);
                 lines(&self.rest, columns, kept, &mut self.damage, &mut numbers, each)
             }
-            DecoderFormat::Frames { sync, fields, shifts, crc, length } => {
-                let kept = (&mut shifts[..], times, &mut self.is_ended);
-                frames(&self.rest, (sync, fields, *crc, *length), kept, &mut self.damage, each)
+            DecoderFormat::Frames { sync, parts, shifts, crc, length } => {
+                let kept = (&mut shifts[..], times, &mut self.is_ended, spare);
+                frames(&self.rest, (sync, parts, *crc, *length), kept, &mut self.damage, each)
             }
         };
         self.rest.drain(..done);
@@ -191,7 +229,7 @@ fn numbers(
     line: &[u8],
     cells: &mut CellReader,
     powers: &[i32],
-    times: &mut Option<(usize, TimeReader)>,
+    (times, spare): (&mut Option<(usize, TimeReader)>, &mut Vec<Vec<f64>>),
 ) -> Option<Vec<f64>> {
     // A line that is no sample says nothing of where the times count from.
     if line.split(|byte| *byte == b',').count() != powers.len() {
@@ -215,32 +253,45 @@ fn numbers(
             Err(_) => None,
         }
     };
-    let numbers: Vec<f64> = powers.iter().enumerate().map(&mut number).collect::<Option<_>>()?;
+    let mut numbers = spare.pop().unwrap_or_default();
+    numbers.clear();
+    for power in powers.iter().enumerate() {
+        let Some(number) = number(power) else {
+            spare.push(numbers);
+            return None;
+        };
+        numbers.push(number);
+    }
     Some(numbers)
 }
 
 /// The samples of whole frames; how many bytes they take up.
 fn frames(
     bytes: &[u8],
-    (sync, fields, crc, length): (&[u8], &[FrameField], Option<FrameCheck>, usize),
-    (shifts, times, is_ended): (&mut [Shift], &mut Option<(usize, TimeReader)>, &mut bool),
+    (sync, parts, crc, length): (&[u8], &[FramePart], Option<FrameCheck>, usize),
+    (shifts, times, is_ended, spare): (
+        &mut [Shift],
+        &mut Option<(usize, TimeReader)>,
+        &mut bool,
+        &mut Vec<Vec<f64>>,
+    ),
     damage: &mut Damage,
     each: &mut impl FnMut(StreamSample),
 ) -> usize {
     let mut from = 0;
     loop {
         let rest = bytes.get(from..).unwrap_or_default();
-        // The mark of the end is waited for, though it is shorter than a frame.
-        if !may_become(rest, sync) && !may_become(rest, END_MARK) {
-            damage.bytes += 1;
-            from += 1;
-            continue;
-        }
-        if rest.starts_with(END_MARK) {
-            *is_ended = true;
+        let is_one = |frame: &&[u8]| frame.starts_with(sync) && !rest.starts_with(END_MARK);
+        let Some(frame) = rest.get(..length).filter(is_one) else {
+            // The mark of the end is waited for, though it is shorter than a frame.
+            if !may_become(rest, sync) && !may_become(rest, END_MARK) {
+                damage.bytes += 1;
+                from += 1;
+                continue;
+            }
+            *is_ended = rest.starts_with(END_MARK);
             return from;
-        }
-        let Some(frame) = rest.get(..length).filter(|frame| frame.starts_with(sync)) else { return from };
+        };
         if crc.is_some_and(|crc| !is_intact(&frame[sync.len()..], crc)) {
             // Where no frame follows, these bytes were none.
             let next = &rest[length..];
@@ -253,18 +304,18 @@ fn frames(
             from += if is_frame { length } else { 1 };
             continue;
         }
-        let mut sample = StreamSample { sequence: None, numbers: Vec::with_capacity(fields.len()) };
-        let (mut at, mut shifts) = (sync.len(), shifts.iter_mut());
-        for field in fields {
-            let raw = &frame[at..at + field.kind.bytes()];
-            at += raw.len();
-            if field.is_sequence() {
+        let mut sample = StreamSample { sequence: None, numbers: spare.pop().unwrap_or_default() };
+        sample.numbers.clear();
+        let mut shifts = shifts.iter_mut();
+        for FramePart { kind, at, is_sequence } in parts {
+            let raw = &frame[at.clone()];
+            if *is_sequence {
                 sample.sequence =
                     Some(raw.iter().rev().fold(0, |number, byte| number << 8 | u64::from(*byte)));
             } else {
-                let (number, shift) = (field.kind.number(raw), shifts.next());
+                let (number, shift) = (kind.number(raw), shifts.next());
                 let number = match times {
-                    Some((place, times)) if *place == sample.numbers.len() => match field.kind {
+                    Some((place, times)) if *place == sample.numbers.len() => match kind {
                         FieldType::F32 | FieldType::F64 => times.float(number),
                         kind => kind.integer(raw).map_or(f64::NAN, |integer| times.integer(integer)),
                     },

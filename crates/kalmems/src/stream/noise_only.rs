@@ -206,9 +206,9 @@ impl CycleSums {
         let (sin, cos) = phase.portable_sin_cos();
         let turn = [cos, -sin];
         let mut wave = turn;
-        for (signal, waves) in self.signal.iter_mut().zip(&mut self.waves) {
-            *signal = plus(*signal, [y * wave[0], y * wave[1]]);
-            *waves = plus(*waves, wave);
+        for i in 0..HARMONICS {
+            self.signal[i] = plus(self.signal[i], [y * wave[0], y * wave[1]]);
+            self.waves[i] = plus(self.waves[i], wave);
             wave = times(wave, turn);
         }
     }

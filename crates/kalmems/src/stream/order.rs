@@ -136,6 +136,12 @@ impl Order {
             return;
         }
         self.forget_behind();
+        // Nearly every sample: nothing waits, and it is the next one.
+        let waits = !(self.held.is_empty() && self.ahead.is_empty());
+        if !waits && self.passed.is_some_and(|passed| missing(passed, place) == 0) {
+            self.pass_next(place, sample, each);
+            return;
+        }
         let newest = self.held.back().map(|(place, _)| *place).or(self.passed);
         if newest.is_some_and(|newest| self.is_far(newest, place)) {
             self.take_ahead(place, sample, each);
@@ -311,6 +317,11 @@ impl Order {
                 self.stand_in(dropped, sample.numbers.len(), each);
             }
         }
+        self.pass_next(place, sample, each);
+    }
+
+    /// Passes on a sample that goes on from the last one.
+    fn pass_next(&mut self, place: SamplePlace, sample: StreamSample, each: &mut impl FnMut(OrderedEvent)) {
         self.passed = Some(place);
         self.counts.passed += 1;
         if self.remembered.len() == REMEMBERED {
@@ -399,7 +410,8 @@ fn missing(before: SamplePlace, after: SamplePlace) -> u64 {
         }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count, saturating
         (SamplePlace::Time(before), SamplePlace::Time(after)) => {
-            ((after - before).round() as u64).saturating_sub(1)
+            let intervals = after - before;
+            if intervals < 1.5 { 0 } else { (intervals.round() as u64).saturating_sub(1) }
         }
         _ => 0,
     }

@@ -16,6 +16,9 @@ pub const SYNC_AHEAD: [u8; 4] = *b"kmZp";
 /// What the frame begins with that tells where the times of all others count from.
 pub const SYNC_ORIGIN: [u8; 4] = *b"kmOr";
 
+/// Bytes of a frame before its values.
+const HEAD: usize = 8;
+
 /// Whether a file that begins with these bytes was written as the lines of a stream.
 pub fn is_lines(beginning: &[u8]) -> bool {
     [b"# ".as_slice(), b"event,", b"health,"].iter().any(|own| beginning.starts_with(own))
@@ -51,7 +54,9 @@ pub(super) struct StreamWriter {
     before: u64,
     named: bool,
     origin_told: bool,
+    /// What is written next, and its numbers.
     line: Vec<u8>,
+    values: Vec<f64>,
 }
 
 impl StreamWriter {
@@ -64,6 +69,7 @@ impl StreamWriter {
             named: false,
             origin_told: false,
             line: Vec::new(),
+            values: Vec::new(),
         }
     }
 
@@ -85,13 +91,13 @@ impl StreamWriter {
     pub(super) fn estimates(&mut self, trajectories: &[Trajectory]) -> io::Result<()> {
         self.samples.resize(trajectories.len(), self.before);
         for (place, trajectory) in trajectories.iter().enumerate() {
-            for k in 0..trajectory.time_s.len() {
-                let wanted = self.samples[place].is_multiple_of(self.every);
-                self.samples[place] += 1;
-                if wanted {
-                    self.one(place, trajectory, k)?;
-                }
+            let before = self.samples[place] % self.every;
+            let [first, step] = [(self.every - before) % self.every, self.every]
+                .map(|count| usize::try_from(count).unwrap_or(usize::MAX));
+            for k in (first..trajectory.time_s.len()).step_by(step) {
+                self.one(place, trajectory, k)?;
             }
+            self.samples[place] += trajectory.time_s.len() as u64;
         }
         Ok(())
     }
@@ -108,36 +114,40 @@ impl StreamWriter {
         let (whole, rest) = origin.seconds.split_once('.').unwrap_or((&origin.seconds, ""));
         let sign = if whole.starts_with('-') { "-" } else { "" };
         let [whole, rest] = [whole, &format!("{sign}0.{rest}")].map(|text| text.parse().unwrap_or(f64::NAN));
-        self.frame(SYNC_ORIGIN, (0, 2), [whole, rest].into_iter())
+        self.values.clear();
+        self.values.extend([whole, rest]);
+        self.frame(SYNC_ORIGIN, 0)
     }
 
-    /// Writes a frame: what it begins with, the answer's place (u16), the number of values (u16), and these as f64, little-endian.
-    fn frame(
-        &mut self,
-        sync: [u8; 4],
-        (place, count): (usize, usize),
-        values: impl Iterator<Item = f64>,
-    ) -> io::Result<()> {
+    /// Writes the present values as a frame: what it begins with, the answer's place (u16), the number of values (u16), and these as f64,
+    /// little-endian.
+    fn frame(&mut self, sync: [u8; 4], place: usize) -> io::Result<()> {
         let Some(frames) = &mut self.outputs.frames else { return Ok(()) };
-        self.line.clear();
-        self.line.extend_from_slice(&sync);
-        for number in [place, count] {
-            self.line.extend_from_slice(&u16::try_from(number).unwrap_or(u16::MAX).to_le_bytes());
+        let [place, count] =
+            [place, self.values.len()].map(|number| u16::try_from(number).unwrap_or(u16::MAX));
+        self.line.resize(HEAD + 8 * self.values.len(), 0);
+        self.line[..4].copy_from_slice(&sync);
+        self.line[4..6].copy_from_slice(&place.to_le_bytes());
+        self.line[6..HEAD].copy_from_slice(&count.to_le_bytes());
+        for (k, value) in self.values.iter().enumerate() {
+            let at = HEAD + 8 * k;
+            self.line[at..at + 8].copy_from_slice(&value.to_le_bytes());
         }
-        values.for_each(|value| self.line.extend_from_slice(&value.to_le_bytes()));
         frames.write_all(&self.line)
     }
 
     fn one(&mut self, place: usize, trajectory: &Trajectory, k: usize) -> io::Result<()> {
-        let of_state = |mean: &[f64], sd: &[f64]| {
-            let of = |values: &[f64]| values.get(k).copied().unwrap_or(f64::NAN);
-            [of(mean), of(sd)]
-        };
-        let values = || trajectory.states.iter().flat_map(|state| of_state(&state.mean, &state.sd));
+        let of = |values: &[f64]| values.get(k).copied().unwrap_or(f64::NAN);
+        self.values.clear();
+        self.values.push(trajectory.time_s[k]);
+        for state in &trajectory.states {
+            self.values.push(of(&state.mean));
+            self.values.push(of(&state.sd));
+        }
         if let Some(lines) = &mut self.outputs.lines {
             self.line.clear();
             write!(self.line, "{},{}", trajectory.key, trajectory.time_s[k])?;
-            for value in values() {
+            for value in &self.values[1..] {
                 if value.is_finite() {
                     write!(self.line, ",{value:e}")?;
                 } else {
@@ -150,8 +160,7 @@ impl StreamWriter {
             self.line.push(b'\n');
             lines.write_all(&self.line)?;
         }
-        let count = 1 + 2 * trajectory.states.len();
-        self.frame(SYNC, (place, count), std::iter::once(trajectory.time_s[k]).chain(values()))
+        self.frame(SYNC, place)
     }
 
     /// Says once what the columns are, answer by answer.
@@ -188,8 +197,9 @@ impl StreamWriter {
     /// and −1 where it will fall, and the time of the sample that it is told from.
     pub(super) fn ahead(&mut self, place: usize, predicted: &PredictedPhase) -> io::Result<()> {
         let direction = if predicted.rising { 1.0 } else { -1.0 };
-        let values = [predicted.time_s, predicted.sd_s, direction, predicted.told_s];
-        self.frame(SYNC_AHEAD, (place, values.len()), values.into_iter())
+        self.values.clear();
+        self.values.extend([predicted.time_s, predicted.sd_s, direction, predicted.told_s]);
+        self.frame(SYNC_AHEAD, place)
     }
 
     /// Tells what hears it how the stream fares.

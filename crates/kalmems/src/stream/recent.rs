@@ -20,6 +20,8 @@ struct SampleQueue {
     numbers: VecDeque<Vec<f64>>,
     /// How many of them were estimated; those behind them were read ahead.
     estimated: usize,
+    /// Vectors that are needed no more.
+    spare: Vec<Vec<f64>>,
 }
 
 impl RecentSamples {
@@ -32,9 +34,11 @@ impl RecentSamples {
         self.samples.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes the numbers of one that is given to be estimated.
-    pub(super) fn push(&self, numbers: Vec<f64>) {
-        self.samples().numbers.push_back(numbers);
+    /// Takes the numbers of one that is given to be estimated; gives a vector back that is needed no more.
+    pub(super) fn push(&self, numbers: Vec<f64>) -> Option<Vec<f64>> {
+        let mut samples = self.samples();
+        samples.numbers.push_back(numbers);
+        samples.spare.pop()
     }
 
     /// Hears that all until the next one at this time in s were estimated.
@@ -47,7 +51,8 @@ impl RecentSamples {
         let ahead = samples.numbers.range(samples.estimated..).position(is_it);
         let estimated = samples.estimated + ahead.map_or(0, |ahead| ahead + 1);
         let excess = estimated.saturating_sub(self.count);
-        samples.numbers.drain(..excess);
+        let SampleQueue { numbers, spare, .. } = &mut *samples;
+        spare.extend(numbers.drain(..excess));
         samples.estimated = estimated - excess;
     }
 

@@ -300,8 +300,12 @@ impl Table for LiveTable {
             }
             block.rows += 1;
             self.rows += 1;
-            if let Some(recent) = &self.recent {
-                recent.push(sample.numbers);
+            let used = match &self.recent {
+                Some(recent) => recent.push(sample.numbers),
+                None => Some(sample.numbers),
+            };
+            if let Some(numbers) = used {
+                self.decoder.reuse(numbers);
             }
         }
         if let Some(times) = self.decoder.times() {

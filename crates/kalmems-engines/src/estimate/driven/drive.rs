@@ -82,6 +82,9 @@ impl ColumnRows<'_> {
 /// that block.
 pub const BLOCK: usize = 4096;
 
+/// A sample beyond so many times the largest value of the first sine is an error of the recording and not the drive: no sine is fitted to it.
+const ABSURD: f64 = 1e6;
+
 /// Standard deviations of what a sine leaves within which samples are on it.
 const ON_THE_SINE: f64 = 6.0;
 
@@ -214,13 +217,16 @@ impl DrivePast {
 
     /// Goes through new rows, block by block, and finds the sine for each block with rows whose drive is missing.
     fn take(&mut self, time_s: &[f64], volts: &[f64], rows: &Range<usize>, interval_s: f64) {
+        let largest =
+            self.first_sine.map_or(f64::INFINITY, |sine| ABSURD * (sine.offset.abs() + sine.amplitude));
+        let sound = |v: &f64| if v.abs() <= largest { *v } else { f64::NAN };
         let mut from = rows.start;
         while from < rows.end {
             let end = rows.end.min(from + BLOCK - self.present.time_s.len());
             self.foresee(&volts[from..rows.end.min(from + BLOCK)], interval_s);
             self.stand_in_for(time_s, volts, from..end, interval_s);
             self.present.time_s.extend_from_slice(&time_s[from..end]);
-            self.present.volts.extend_from_slice(&volts[from..end]);
+            self.present.volts.extend(volts[from..end].iter().map(sound));
             self.rows += end - from;
             if self.present.time_s.len() == BLOCK {
                 self.last = std::mem::take(&mut self.present);
@@ -412,14 +418,18 @@ impl<'a> SegmentDrive<'a> {
     }
 
     /// The sample at `k`, or what stands in for it where it is missing; whether it was missing.
+    #[inline]
     pub fn sample(&self, k: usize) -> (f64, bool) {
         let v = self.volts[k];
-        if v.is_finite() {
-            return (v, false);
-        }
+        if v.is_finite() { (v, false) } else { self.stand_in(k) }
+    }
+
+    /// What stands in for the missing sample at `k`.
+    #[inline(never)]
+    fn stand_in(&self, k: usize) -> (f64, bool) {
         match self.substitute(k) {
             Some(sine) => (sine.at(self.time_s[k]), true),
-            None => (v, false),
+            None => (self.volts[k], false),
         }
     }
 
@@ -472,6 +482,7 @@ impl<'a> SegmentDrive<'a> {
     }
 
     /// The drive over one of so many parts of an interval, by the parabola through its nodes.
+    #[inline(always)]
     pub fn nodes_of_part(Nodes { start, middle, end }: &Nodes<f64>, step: usize, steps: usize) -> Nodes<f64> {
         let at = |halves: usize| {
             let s = halves as f64 / (2 * steps) as f64;
@@ -482,7 +493,7 @@ impl<'a> SegmentDrive<'a> {
 
     /// The drive over both halves of an interval.
     pub fn nodes_of_halves(nodes: &Nodes<f64>) -> [Nodes<f64>; 2] {
-        [0, 1].map(|half| Self::nodes_of_part(nodes, half, 2))
+        [Self::nodes_of_part(nodes, 0, 2), Self::nodes_of_part(nodes, 1, 2)]
     }
 
     /// The drive from its sine, for a sub-step of an interval in which samples are missing.
@@ -555,6 +566,20 @@ mod tests {
         let drive = SegmentDrive::new(&time, &sweep, 1e-6);
         assert!(drive.sine().is_none() && drive.sample(5).0.is_nan());
         assert_eq!(drive.unknown(), Some((time[5], 1)));
+    }
+
+    /// A block whose only large sample is 1e100 would else be noise about a constant of 2e96 V.
+    #[test]
+    fn an_absurd_sample_of_the_drive_does_not_move_the_sine_that_stands_in_for_the_next_block() {
+        let time: Vec<f64> = (0..3 * BLOCK).map(|k| k as f64 * 1e-6).collect();
+        let mut v: Vec<f64> = time.iter().map(|t| volts(*t)).collect();
+        let missing = 2 * BLOCK + 100;
+        v[missing] = f64::NAN;
+        for absurd in [1e100, -1e300, f64::MAX] {
+            v[BLOCK + 500] = absurd;
+            let (value, is_missing) = SegmentDrive::new(&time, &v, 1e-6).sample(missing);
+            assert!(is_missing && (value - volts(time[missing])).abs() < 1e-3, "{absurd:e}: {value:e}");
+        }
     }
 
     #[test]
