@@ -5,7 +5,6 @@ use super::event_times::{EventTimes, FoundEvents};
 use super::events::{EventSettings, EventTimeSource, FilterEventUse};
 use super::interpolation::Interpolation;
 use super::model::{EquationModel, Interval, noises};
-use super::own_filter::OwnFilter;
 use super::segment::{EquationFilterTask, at_rest, motion, rates_of_inputs};
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::table::refused;
@@ -14,15 +13,13 @@ use crate::Rig;
 use crate::config::{ConfigFault, Experiment, Key, Method, Variant};
 use crate::estimate::driven::{InterpolationLag, SegmentDrive};
 use crate::estimate::{
-    AnyFilter, FALSE_REJECTIONS, FilterPast, FilterSideOutputs, GainOf, GateMode, MeanAndCovariance,
-    MotionRate, SampleSelection, Sensor, StateSeries, Tracked, Trajectory, Transition, largest_nis,
-    memory_samples,
+    AnyFilter, FALSE_REJECTIONS, FilterPast, GainOf, GateMode, MeanAndCovariance, MotionRate,
+    SampleSelection, Sensor, StateSeries, Tracked, Trajectory, Transition, largest_nis, memory_samples,
 };
 use crate::export::{
     ExportError, ExportRequest, Exported, SourceDigits, SourceLanguage, SourceTrial, c_name, heading,
     place_of_filter,
 };
-use crate::progress::Silent;
 use crate::recording::{SampledRecording, Segment};
 use crate::units::kind;
 use kalmems_equations::{
@@ -504,18 +501,7 @@ fn test_samples(
         motion,
     };
     let models = filter.models().map_err(|error| ExportError::from(refused(experiment, &error)))?;
-    let (sine, skip_s) = (settings.sine.as_ref(), settings.skip_s);
-    let way = EquationFilterTask {
-        own,
-        sine,
-        skip_s,
-        filter,
-        models: &models,
-        side_outputs: FilterSideOutputs::default(),
-        own_filter: &OwnFilter::default(),
-        data: &data,
-        progress: &Silent,
-    };
+    let way = EquationFilterTask::of(settings, filter, &models, &data);
     let found = way
         .follow(&mut FilterPast::default())
         .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_string() })?;

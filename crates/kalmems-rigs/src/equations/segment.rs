@@ -179,7 +179,7 @@ impl<'a> EquationEstimator<'a> {
         progress: &'a dyn Progress,
     ) -> Result<Self, EstimateError> {
         let settings = EquationSettings::of(experiment)?;
-        let models = settings.filters.iter().map(|filter| filter.models());
+        let models = settings.filters.iter().map(EquationFilterSettings::models);
         let models = models.collect::<Result<_, _>>().map_err(|error| refused(experiment, &error))?;
         Ok(Self {
             experiment,
@@ -277,19 +277,8 @@ impl Estimator for EquationEstimator<'_> {
         )
         .map_err(wrong)?;
         let channels = channels((self.experiment, device), &self.columns, &variances, &segment)?;
-        let drive = inputs.iter().find_map(|input| input.first_sine().copied());
-        let (motion, judged) = match &settings.sine {
-            None => {
-                let judged = settings.own.states()[settings.own.judged()].0;
-                if let Some(natural_hz) = settings.own.natural_hz().filter(|_| settings.own.has_angle()) {
-                    segment.require_after_settling(SCORED_CYCLES / natural_hz)?;
-                }
-                (motion(&settings.own, drive.as_ref(), segment.interval_s), judged)
-            }
-            Some(sine) => {
-                (sine.motion(settings, &self.columns, (&segment, &channels), past)?, sine.name(&settings.own))
-            }
-        };
+        let (motion, judged) =
+            judged_motion((settings, &self.columns), (&segment, &channels, &inputs), past)?;
         let bends = bends(&settings.own, &channels, (&segment.time_s, &inputs));
         let mut kept = match self.searches.take() {
             Some(searches) => searches,
@@ -314,11 +303,10 @@ impl Estimator for EquationEstimator<'_> {
         };
         // A filter knows the first rows of a drive; its motion is judged by what the drive is throughout.
         let steady = data.inputs.iter().find_map(|input| input.sine().copied());
-        let judged_motion = match &settings.sine {
+        let steady_motion = match &settings.sine {
             None => self::motion(&settings.own, steady.as_ref(), segment.interval_s),
             Some(_) => motion,
         };
-        let axes = [(judged, judged_motion)];
         let start_s = segment.start_s + settings.skip_s;
         // By the first rows, so that it does not depend on what comes later.
         let phase_rate = if self.side_outputs.is_asked() {
@@ -326,35 +314,17 @@ impl Estimator for EquationEstimator<'_> {
         } else {
             TAU * motion.frequency_hz
         };
-        let mut all = Vec::new();
-        for (index, filter) in settings.filters.iter().enumerate() {
-            let past = past.filter(index);
-            // Without a stated sign it is as the filter has it.
-            let mirrored = if settings.signs.is_empty() { Some(false) } else { past.is_mirrored() };
-            let side_outputs = self.side_outputs.of_filter(index, (phase_rate, mirrored), start_s);
-            let models = self.models.get(index).map_or(&[][..], Vec::as_slice);
-            let (own, progress) = (&*filter.own, self.progress);
-            let (sine, skip_s) = (settings.sine.as_ref(), settings.skip_s);
-            let (data, own_filter) = (&data, &self.own_filter);
-            let way = EquationFilterTask {
-                own,
-                sine,
-                skip_s,
-                filter,
-                models,
-                side_outputs,
-                own_filter,
-                data,
-                progress,
-            };
-            let mut found = way.follow(past)?;
-            for (answer, trajectory) in found.iter_mut().enumerate() {
-                let past = past.answer(answer);
-                orient(trajectory, (own, &settings.signs), past, peak_after(&data.inputs, start_s));
-                trajectory.lock = past.judge.judge(trajectory, &axes, start_s, data.samples.ends);
-            }
-            all.append(&mut found);
-        }
+        let answers = Answers {
+            settings,
+            models: &self.models,
+            side_outputs: (&self.side_outputs, phase_rate),
+            own_filter: &self.own_filter,
+            data: &data,
+            axes: &[(judged, steady_motion)],
+            start_s,
+            progress: self.progress,
+        };
+        let all = answers.of_filters(past)?;
         let mut remarks = sign_after_restart(part, !settings.signs.is_empty());
         remarks.extend(settings.without_low_passes.clone().filter(|_| part.begins));
         remarks.extend(left_tables(&settings.own, &data, &all));
@@ -363,7 +333,7 @@ impl Estimator for EquationEstimator<'_> {
             remarks.extend(self.left_ranges.remarks(&settings.own.ranges, &all));
         }
         let drive_column = self.columns.inputs.first().copied().unwrap_or_default();
-        let axis = AngleAxis { angle: judged, motion: judged_motion, drive: steady };
+        let axis = AngleAxis { angle: judged, motion: steady_motion, drive: steady };
         let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), all);
         (estimate.remarks, estimate.sign_is_hidden) = (remarks, settings.own.hides_angle());
         (estimate.crossings, estimate.crossings_refused) = (crossings, refused);
@@ -450,6 +420,23 @@ pub fn motion(own: &OwnDevice, drive: Option<&Sine>, interval_s: f64) -> MotionR
     }
 }
 
+/// How fast it moves as the first rows of its inputs show it, and the name of what its motion is judged by.
+fn judged_motion(
+    (settings, columns): (&EquationSettings, &EquationColumns),
+    (segment, channels, inputs): (&SignalSegment, &[SegmentChannel], &[SegmentDrive<'_>]),
+    past: &mut Past,
+) -> Result<(MotionRate, &'static str), EstimateError> {
+    let own = &settings.own;
+    if let Some(sine) = &settings.sine {
+        return Ok((sine.motion(settings, columns, (segment, channels), past)?, sine.name(own)));
+    }
+    if let Some(natural_hz) = own.natural_hz().filter(|_| own.has_angle()) {
+        segment.require_after_settling(SCORED_CYCLES / natural_hz)?;
+    }
+    let drive = inputs.iter().find_map(|input| input.first_sine().copied());
+    Ok((motion(own, drive.as_ref(), segment.interval_s), own.states()[own.judged()].0))
+}
+
 /// Of each filter that stopped at one of these samples, the table that it left, where it left one.
 fn left_tables(own: &OwnDevice, data: &EquationSegment, all: &[Trajectory]) -> Vec<String> {
     let of = |trajectory: &Trajectory| {
@@ -468,6 +455,51 @@ fn left_tables(own: &OwnDevice, data: &EquationSegment, all: &[Trajectory]) -> V
     all.iter().filter_map(of).collect()
 }
 
+/// The filters over the new samples.
+struct Answers<'a> {
+    settings: &'a EquationSettings,
+    /// The models of each filter.
+    models: &'a [Vec<EquationModel>],
+    /// What is given besides the estimates, and the rate of the motion in rad/s.
+    side_outputs: (&'a SideOutputs, f64),
+    own_filter: &'a OwnFilter,
+    data: &'a EquationSegment<'a>,
+    /// What the answers are judged by.
+    axes: &'a [(&'static str, MotionRate)],
+    /// The end of the settling time in s.
+    start_s: f64,
+    progress: &'a dyn Progress,
+}
+
+impl Answers<'_> {
+    /// The trajectories of all filters, each with the stated sign of the motion and the judgement of its lock.
+    fn of_filters(&self, past: &mut Past) -> Result<Vec<Trajectory>, EstimateError> {
+        let Self { settings, data, start_s, .. } = *self;
+        let (outputs, rate) = self.side_outputs;
+        let mut all = Vec::new();
+        for (index, filter) in settings.filters.iter().enumerate() {
+            let past = past.filter(index);
+            // Without a stated sign it is as the filter has it.
+            let mirrored = if settings.signs.is_empty() { Some(false) } else { past.is_mirrored() };
+            let models = self.models.get(index).map_or(&[][..], Vec::as_slice);
+            let task = EquationFilterTask {
+                side_outputs: outputs.of_filter(index, (rate, mirrored), start_s),
+                own_filter: Some(self.own_filter),
+                progress: self.progress,
+                ..EquationFilterTask::of(settings, filter, models, data)
+            };
+            let mut found = task.follow(past)?;
+            for (answer, trajectory) in found.iter_mut().enumerate() {
+                let past = past.answer(answer);
+                orient(trajectory, (&filter.own, &settings.signs), past, peak_after(&data.inputs, start_s));
+                trajectory.lock = past.judge.judge(trajectory, self.axes, start_s, data.samples.ends);
+            }
+            all.append(&mut found);
+        }
+        Ok(all)
+    }
+}
+
 /// One filter over the new samples.
 pub struct EquationFilterTask<'a> {
     /// The device.
@@ -483,11 +515,33 @@ pub struct EquationFilterTask<'a> {
     /// What it gives besides its states.
     pub side_outputs: FilterSideOutputs,
     /// What makes it, if it is one of the caller's own.
-    pub own_filter: &'a OwnFilter,
+    pub own_filter: Option<&'a OwnFilter>,
     /// The samples.
     pub data: &'a EquationSegment<'a>,
     /// Who follows the work.
     pub progress: &'a dyn Progress,
+}
+
+impl<'a> EquationFilterTask<'a> {
+    /// A filter by itself, in silence.
+    pub fn of(
+        settings: &'a EquationSettings,
+        filter: &'a EquationFilterSettings,
+        models: &'a [EquationModel],
+        data: &'a EquationSegment<'a>,
+    ) -> Self {
+        Self {
+            own: &filter.own,
+            sine: settings.sine.as_ref(),
+            skip_s: settings.skip_s,
+            filter,
+            models,
+            side_outputs: FilterSideOutputs::default(),
+            own_filter: None,
+            data,
+            progress: &Silent,
+        }
+    }
 }
 
 impl EquationFilterTask<'_> {
@@ -591,7 +645,7 @@ impl EquationFilterTask<'_> {
         channels: &[usize],
     ) -> Result<AnyFilter, EstimateError> {
         let basics = &self.filter.basics;
-        if let Some(make) = self.own_filter.take() {
+        if let Some(make) = self.own_filter.and_then(OwnFilter::take) {
             return Ok(make(left.unwrap_or(start)));
         }
         let Some(gain) = basics.gain() else { return basics.begin(left, || Ok(start)) };

@@ -511,15 +511,8 @@ impl EquationFilterSettings {
                 for state in &held {
                     sd[*state] = Some(0.0);
                 }
-                let sd = following(own, &mean, sd).map_err(|missing| {
-                    let entry = &deviations[missing];
-                    let remedy = format!(
-                        "write `{} = \"{}\"`: how well the state is known at first",
-                        entry.name, entry.kind.example
-                    );
-                    let key = at.clone().child("start_sd").child(entry.name);
-                    experiment.error(key, ConfigFault::MissingKey { remedy })
-                })?;
+                let missing = |missing: usize| missing_deviation(experiment, &at, &deviations[missing]);
+                let sd = following(own, &mean, sd).map_err(missing)?;
                 EquationStart::Stated { mean, sd }
             }
         };
@@ -650,6 +643,14 @@ impl EquationFilterSettings {
         let about = own.rest_about(&self.about());
         EquationModel::new(&own.device, &values, tracked, (&density, rule), (&own.rest, &about, own.pace()))
     }
+}
+
+/// That a state's standard deviation at the start is missing.
+fn missing_deviation(experiment: &Experiment, at: &Key, entry: &ExpectedEntry) -> ConfigError {
+    let remedy =
+        format!("write `{} = \"{}\"`: how well the state is known at first", entry.name, entry.kind.example);
+    let key = at.clone().child("start_sd").child(entry.name);
+    experiment.error(key, ConfigFault::MissingKey { remedy })
 }
 
 /// The values of a table, of which each may be left out. A key may be that of a vector, `x[1..6]`, all of whose elements have the value then.

@@ -151,7 +151,7 @@ impl Decoder {
                 lines(&self.rest, columns, kept, &mut self.damage, &mut numbers, each)
             }
             DecoderFormat::Frames { sync, parts, shifts, crc, length } => {
-                let kept = (&mut shifts[..], times, &mut self.is_ended, spare);
+                let kept = FrameNumbers { shifts, times, is_ended: &mut self.is_ended, spare };
                 frames(&self.rest, (sync, parts, *crc, *length), kept, &mut self.damage, each)
             }
         };
@@ -265,16 +265,20 @@ fn numbers(
     Some(numbers)
 }
 
+/// What makes numbers of a frame's fields, and is kept from frame to frame.
+struct FrameNumbers<'a> {
+    shifts: &'a mut [Shift],
+    times: &'a mut Option<(usize, TimeReader)>,
+    is_ended: &'a mut bool,
+    /// Vectors of samples that were taken.
+    spare: &'a mut Vec<Vec<f64>>,
+}
+
 /// The samples of whole frames; how many bytes they take up.
 fn frames(
     bytes: &[u8],
     (sync, parts, crc, length): (&[u8], &[FramePart], Option<FrameCheck>, usize),
-    (shifts, times, is_ended, spare): (
-        &mut [Shift],
-        &mut Option<(usize, TimeReader)>,
-        &mut bool,
-        &mut Vec<Vec<f64>>,
-    ),
+    FrameNumbers { shifts, times, is_ended, spare }: FrameNumbers,
     damage: &mut Damage,
     each: &mut impl FnMut(StreamSample),
 ) -> usize {

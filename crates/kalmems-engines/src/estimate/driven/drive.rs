@@ -482,7 +482,7 @@ impl<'a> SegmentDrive<'a> {
     }
 
     /// The drive over one of so many parts of an interval, by the parabola through its nodes.
-    #[inline(always)]
+    #[inline]
     pub fn nodes_of_part(Nodes { start, middle, end }: &Nodes<f64>, step: usize, steps: usize) -> Nodes<f64> {
         let at = |halves: usize| {
             let s = halves as f64 / (2 * steps) as f64;
