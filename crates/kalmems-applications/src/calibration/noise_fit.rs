@@ -100,7 +100,7 @@ pub enum NoFit {
 
 /// An Allan variance with its degrees of freedom, and what each part adds to it.
 #[derive(Clone)]
-struct Octave {
+struct FittedOctave {
     factor: usize,
     time_s: f64,
     variance: f64,
@@ -109,7 +109,7 @@ struct Octave {
     stretches: Vec<(usize, usize)>,
 }
 
-impl Octave {
+impl FittedOctave {
     /// Minus the logarithm of the likelihood of the variance, by that of a perfect fit.
     fn deviance(&self, expected: f64) -> f64 {
         let ratio = self.variance / expected;
@@ -130,11 +130,11 @@ impl Model {
         if self.memory > 0.0 { (-self.memory.recip()).portable_exp() } else { 0.0 }
     }
 
-    fn expected(&self, octave: &Octave) -> f64 {
+    fn expected(&self, octave: &FittedOctave) -> f64 {
         parts(octave, self.correlation()).iter().zip(&self.sizes).map(|(part, size)| part * size).sum()
     }
 
-    fn shares(&self, octave: &Octave) -> [f64; PARTS] {
+    fn shares(&self, octave: &FittedOctave) -> [f64; PARTS] {
         let parts = parts(octave, self.correlation());
         let all = self.expected(octave);
         std::array::from_fn(|part| parts[part] * self.sizes[part] / all)
@@ -142,7 +142,7 @@ impl Model {
 }
 
 /// What the squares of Q, N, B and K add to Allan's variance (IEEE Std 952, annex C).
-fn parts(octave: &Octave, correlation: f64) -> [f64; PARTS] {
+fn parts(octave: &FittedOctave, correlation: f64) -> [f64; PARTS] {
     let time_s = octave.time_s;
     let white = low_passed(octave.factor, correlation) * octave.factor as f64 / time_s;
     [3.0 / (time_s * time_s), white, FLOOR, time_s / 3.0]
@@ -198,7 +198,7 @@ impl NoiseFit {
 
     /// The degrees of freedom of the deviation at an averaging time in s over stretches of so many samples, each so often.
     pub(super) fn freedom(&self, time_s: f64, stretches: Vec<(usize, usize)>) -> Option<f64> {
-        covariance(&self.model(), [&Octave { stretches, ..self.octave(time_s) }; 2]).map(|c| 2.0 / c)
+        covariance(&self.model(), [&FittedOctave { stretches, ..self.octave(time_s) }; 2]).map(|c| 2.0 / c)
     }
 
     /// The power of the frequency in the density of the largest noise at an averaging time in s.
@@ -208,10 +208,10 @@ impl NoiseFit {
         [2, 0, -1, -2][largest.unwrap_or(WHITE)]
     }
 
-    fn octave(&self, time_s: f64) -> Octave {
+    fn octave(&self, time_s: f64) -> FittedOctave {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count of samples
         let factor = (time_s / self.interval_s).round().max(1.0) as usize;
-        Octave { factor, time_s, variance: f64::NAN, freedom: f64::NAN, stretches: Vec::new() }
+        FittedOctave { factor, time_s, variance: f64::NAN, freedom: f64::NAN, stretches: Vec::new() }
     }
 
     fn model(&self) -> Model {
@@ -220,9 +220,9 @@ impl NoiseFit {
     }
 }
 
-fn octaves(deviations: &[Confident], sums: &OctaveSums) -> Vec<Octave> {
+fn octaves(deviations: &[Confident], sums: &OctaveSums) -> Vec<FittedOctave> {
     let usable = |d: &&Confident| d.freedom.is_finite() && d.freedom > 0.0 && d.averaged.deviation > 0.0;
-    let of = |d: &Confident| Octave {
+    let of = |d: &Confident| FittedOctave {
         factor: d.averaged.factor,
         time_s: d.averaged.time_s,
         variance: d.averaged.deviation.powi(2),
@@ -233,7 +233,7 @@ fn octaves(deviations: &[Confident], sums: &OctaveSums) -> Vec<Octave> {
 }
 
 /// Cov(A₁, A₂)/(E A₁·E A₂) of the variances at two averaging times, of which the first is not the longer one.
-fn covariance(model: &Model, octaves: [&Octave; 2]) -> Option<f64> {
+fn covariance(model: &Model, octaves: [&FittedOctave; 2]) -> Option<f64> {
     let [first, second] = octaves.map(|octave| model.shares(octave));
     let pair = OctavePair {
         factors: octaves.map(|octave| octave.factor),
@@ -245,7 +245,7 @@ fn covariance(model: &Model, octaves: [&Octave; 2]) -> Option<f64> {
 
 /// The likeliest model of some octaves, and how their variances scatter about it.
 struct OctaveFit {
-    octaves: Vec<Octave>,
+    octaves: Vec<FittedOctave>,
     model: Model,
     cost: f64,
     /// Cov(A_i, A_j)/(E A_i·E A_j).
@@ -253,7 +253,7 @@ struct OctaveFit {
 }
 
 impl OctaveFit {
-    fn of(mut octaves: Vec<Octave>) -> Option<Self> {
+    fn of(mut octaves: Vec<FittedOctave>) -> Option<Self> {
         let mut model = likeliest_of_all(&octaves);
         for _ in 0..ROUNDS {
             for octave in &mut octaves {
@@ -273,7 +273,7 @@ impl OctaveFit {
     }
 
     /// The derivatives of ln E A by the squares of the parts, each times a scale of its own, and by the logarithm of the time constant.
-    fn gradient(&self, octave: &Octave) -> [f64; COLUMNS] {
+    fn gradient(&self, octave: &FittedOctave) -> [f64; COLUMNS] {
         let parts = parts(octave, self.model.correlation());
         let expected = self.model.expected(octave);
         let mut gradient = [0.0; COLUMNS];
@@ -443,21 +443,21 @@ impl OctaveFit {
 }
 
 /// The square of a part that alone explains the smallest of the variances by it.
-fn largest_possible(octaves: &[Octave], part: usize, correlation: f64) -> f64 {
+fn largest_possible(octaves: &[FittedOctave], part: usize, correlation: f64) -> f64 {
     octaves.iter().map(|o| o.variance / parts(o, correlation)[part]).fold(f64::INFINITY, f64::min)
 }
 
-fn cost(octaves: &[Octave], model: &Model) -> f64 {
+fn cost(octaves: &[FittedOctave], model: &Model) -> f64 {
     octaves.iter().map(|octave| octave.deviance(model.expected(octave))).sum()
 }
 
-fn likeliest_of_all(octaves: &[Octave]) -> Model {
+fn likeliest_of_all(octaves: &[FittedOctave]) -> Model {
     likeliest(octaves, None, None).0
 }
 
 /// The likeliest model with or without quantisation, one of its parts held where that is wanted; with its cost. The time constant is
 /// looked for about `near`.
-fn likeliest(octaves: &[Octave], held: Option<(usize, f64)>, near: Option<f64>) -> (Model, f64) {
+fn likeliest(octaves: &[FittedOctave], held: Option<(usize, f64)>, near: Option<f64>) -> (Model, f64) {
     let with = |memory: f64| {
         let sizes = likeliest_sizes(octaves, held, memory);
         let model = Model { sizes, memory };
@@ -508,7 +508,7 @@ fn likeliest(octaves: &[Octave], held: Option<(usize, f64)>, near: Option<f64>) 
 }
 
 /// The likeliest squares of the parts for a time constant, by scoring: each step is a weighted least squares with sizes of at least 0.
-fn likeliest_sizes(octaves: &[Octave], held: Option<(usize, f64)>, memory: f64) -> [f64; PARTS] {
+fn likeliest_sizes(octaves: &[FittedOctave], held: Option<(usize, f64)>, memory: f64) -> [f64; PARTS] {
     let correlation = Model { sizes: [0.0; PARTS], memory }.correlation();
     let columns: Vec<[f64; PARTS]> = octaves.iter().map(|octave| parts(octave, correlation)).collect();
     // Quantisation and a low pass are not told apart.
@@ -558,7 +558,7 @@ fn likeliest_sizes(octaves: &[Octave], held: Option<(usize, f64)>, memory: f64) 
 
 /// Σ w·(A − Σ p·θ)² at its least with no θ below 0: the best of all subsets of the free parts.
 fn bounded_least_squares(
-    octaves: &[Octave],
+    octaves: &[FittedOctave],
     columns: &[[f64; PARTS]],
     weights: &[f64],
     fixed: Option<(usize, f64)>,
