@@ -1,9 +1,9 @@
 //! How far the steps between samples lead a filter astray, in units of what it claims.
 
 use super::engine::{Course, Filtering};
-use super::transition::{Sensor, Transition};
+use super::transition::{Sensor, Transition, TransitionProcess};
 use super::{SampleCounts, SampleSelection};
-use kalmems_core::{Covariance, Mat};
+use kalmems_core::{Covariance, Mat, NumericProcess};
 use std::ops::Range;
 
 /// The shadow of a filter: the difference between its mean and that of the same filter in steps of half the length, corrected by the
@@ -20,6 +20,8 @@ pub(super) struct StepWatch<const N: usize> {
     /// Σ (e/sd)² of each state since it was asked last, of both together and of the present steps alone, and over how many samples.
     squares: [f64; N],
     squares_of_present: [f64; N],
+    /// Which states no noise moves, once a step has told that: they keep each error.
+    keeps: Option<[bool; N]>,
     samples: usize,
     /// Sum and number of the normalised innovations squared of these samples.
     nis: (f64, f64),
@@ -34,7 +36,7 @@ pub(super) struct StepWatch<const N: usize> {
 pub struct StepFigure {
     /// The error of the steps in standard deviations that the filter claims.
     error: f64,
-    /// The same of what the present steps have made.
+    /// The same of what the present steps have made, larger for states that keep it.
     of_present: f64,
     /// The mean NIS.
     mean_nis: f64,
@@ -58,6 +60,7 @@ impl<const N: usize> StepWatch<N> {
             of_longer_steps: [0.0; N],
             squares: [0.0; N],
             squares_of_present: [0.0; N],
+            keeps: None,
             samples: 0,
             nis: (0.0, 0.0),
             is_needed: false,
@@ -92,6 +95,11 @@ impl<const N: usize> StepWatch<N> {
             return;
         }
         self.is_needed = true;
+        if self.keeps.is_none() {
+            let process = TransitionProcess::<N>::of(transition);
+            let noise = process.noise_added();
+            self.keeps = Some(std::array::from_fn(|i| noise.covariance().get(i, i) == 0.0));
+        }
         if self.is_unscented {
             transition.advance(mean, &mut whole);
         }
@@ -151,7 +159,11 @@ impl<const N: usize> StepWatch<N> {
             let worst = squares.iter().fold(0.0, |worst: f64, own| if *own <= worst { worst } else { *own });
             OF_FOURTH_ORDER * (worst / samples).sqrt()
         };
-        let (error, of_present) = (of_worst(&self.squares), of_worst(&self.squares_of_present));
+        let keeps = self.keeps.unwrap_or([false; N]);
+        let urgent: [f64; N] = std::array::from_fn(|i| {
+            self.squares_of_present[i] * if keeps[i] { (TOO_LARGE / TOO_LARGE_KEPT).powi(2) } else { 1.0 }
+        });
+        let (error, of_present) = (of_worst(&self.squares), of_worst(&urgent));
         let known = self.is_needed && self.samples > 0;
         let (sum, count) = self.nis;
         let mean_nis = if count > 0.0 { sum / count } else { 1.0 };
@@ -249,9 +261,11 @@ pub(super) const STEP_ERROR_SAMPLES: usize = 256;
 const PLANNED_ON: usize = super::driven::BLOCK;
 /// The error of the steps, in standard deviations that the filter claims, up to which they are short enough.
 const SHORT_ENOUGH: f64 = 0.02;
-/// The error of some samples, in standard deviations that the filter claims, above which shorter steps are taken behind them. States without
-/// noise keep it: with what the shorter steps add, at most [`SHORT_ENOUGH`], it stays below the 0.05 that are remarked on.
-const TOO_LARGE: f64 = 0.03;
+/// The error of some samples, in standard deviations that the filter claims, above which shorter steps are taken behind them.
+const TOO_LARGE: f64 = 0.05;
+/// The same of a state that no noise moves: it keeps the error, and with what the shorter steps add, at most [`SHORT_ENOUGH`], that stays below
+/// the 0.05 that are remarked on.
+const TOO_LARGE_KEPT: f64 = 0.03;
 /// Steps from one sample to the next, at most.
 const MOST_STEPS: usize = 64;
 

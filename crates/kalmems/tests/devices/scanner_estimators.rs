@@ -322,13 +322,10 @@ fn on_the_reference_recording_the_filters_reach_what_independent_ones_reached() 
             let name = format!("{prefix}{key}_q1e+0{power}");
             let errors = estimator.errors.as_ref().unwrap();
             if let Some(theirs) = converged.get(&name) {
-                // A filter that claims 7e-5 degrees has an error that moves by 2 % with a fiftieth of its claim, which a plan of its steps may leave: one
-                // step a sample makes 7.35e-5, two from some sample on 7.49e-5, 32 make 7.19e-5, and theirs from six points of the drive 7.36e-5.
-                let angle = if key == "ekf2" && power == 2 { 0.02 } else { 0.01 };
                 // Peaks are found in different ways where the rate is noisy.
-                let phase = if power < 6 { angle } else { 0.025 };
+                let phase = if power < 6 { 0.01 } else { 0.025 };
                 for (ours, name, within) in [
-                    (errors.angle.rmse_deg, "angle_rmse_deg", angle),
+                    (errors.angle.rmse_deg, "angle_rmse_deg", 0.01),
                     (errors.peak_phase_rmse_deg.unwrap(), "peak_phase_rmse_deg", phase),
                 ] {
                     let theirs = theirs[name].as_f64().unwrap();
