@@ -35,7 +35,7 @@ pub fn published() -> &'static Workbench {
     PUBLISHED.get_or_init(|| {
         Workbench::new()
             .with(equations::PresetRig::<shared_scanner::device::SharedScanner>::new())
-            .with(shared_scanner::two_axes::TwoAxesRig)
+            .with(equations::PresetRig::of(&shared_scanner::SECOND_AXIS))
             .with(equations::PresetRig::<threshold_scanner::device::ThresholdScanner>::new())
             .with(micro_stage::MicroStageRig)
             .with(accelerometer::AccelerometerRig)

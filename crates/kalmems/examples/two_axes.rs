@@ -5,9 +5,8 @@
 use kalmems::figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems::progress::Silent;
 use kalmems::results::{Metrics, Output, RunInfo, Work, summary_table, write_simulation};
-use kalmems::rigs::Rig;
 use kalmems::rigs::published;
-use kalmems::rigs::shared_scanner::two_axes::{BandPlan, PlannedDrive, TwoAxesRig, TwoAxisHardware};
+use kalmems::rigs::shared_scanner::two_axes::{BandPlan, PlannedDrive, TwoAxisHardware};
 use kalmems::signal::fit_sine_at;
 use kalmems::workflow;
 use std::error::Error;
@@ -21,7 +20,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = root.join("book/src/figures");
     let experiment = published().load(&root.join("examples/shared_scanner/two_axes.toml"))?;
     let hardware = TwoAxisHardware::of(&experiment)?;
-    let simulation = TwoAxesRig.simulate(&experiment)?;
+    let rig = published().rig(&experiment)?;
+    let simulation = rig.simulate(&experiment)?;
 
     let (mut time, mut signal) = (Vec::new(), Vec::new());
     simulation.run(&mut |sample| {
@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
     let output =
         Output::begin(&simulated, &Work::of_file("simulate", experiment.path(), experiment.files()))?;
-    write_simulation(&experiment, &TwoAxesRig, simulation.as_ref(), &output, info, &Silent)?;
+    write_simulation(&experiment, rig, simulation.as_ref(), &output, info, &Silent)?;
     output.commit()?;
     let outcome =
         workflow::estimate(published(), &published().load(&simulated.join("experiment.toml"))?, &Silent)?;

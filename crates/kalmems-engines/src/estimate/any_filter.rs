@@ -15,7 +15,6 @@ use kalmems_core::{
     SchmidtEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, StateTransition, Ukf,
 };
 use std::f64::consts::PI;
-use std::ops::Range;
 
 /// A filter of `N` states, of whatever kind.
 ///
@@ -147,8 +146,10 @@ impl MeanAndCovariance {
 
     /// The same with the other sign of these states.
     #[must_use]
-    pub(super) fn mirrored(mut self, states: &Range<usize>) -> Self {
-        self.mean.iter_mut().skip(states.start).take(states.len()).for_each(|mean| *mean = -*mean);
+    pub(super) fn mirrored(mut self, states: &[usize]) -> Self {
+        for (_, mean) in self.mean.iter_mut().enumerate().filter(|(place, _)| states.contains(place)) {
+            *mean = -*mean;
+        }
         let places = (0..self.mean.len()).flat_map(|i| (0..=i).map(move |j| (i, j)));
         for (entry, (i, j)) in self.lower.iter_mut().zip(places) {
             if states.contains(&i) != states.contains(&j) {

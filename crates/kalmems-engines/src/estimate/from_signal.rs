@@ -64,22 +64,37 @@ pub fn batch_start_with(
     batch_start(&mut WithReadout::new(course, readout), rows, search)
 }
 
-/// Gives the swing that is known at a time in s the sign that it had before: of a device whose signal is the same for both signs. It swings at this
-/// rate in rad/s, which a drive sets; at another time in s it was known. Its angle is the state of this place, its rate the next one.
-pub fn with_the_sign_before(
-    known: MeanAndCovariance,
-    place: usize,
-    (time_s, rate): (f64, f64),
-    (held_s, held): (f64, &[f64]),
-) -> MeanAndCovariance {
-    let of = |states: &[f64]| -> Option<[f64; 2]> { states.get(place..place + 2)?.try_into().ok() };
-    let (Some([angle, velocity]), Some([found, found_velocity])) = (of(held), of(&known.mean)) else {
-        return known;
-    };
-    let (sine, cosine) = (rate * (time_s - held_s)).portable_sin_cos();
-    let expected = [angle * cosine + velocity / rate * sine, velocity / rate * cosine - angle * sine];
-    let has_the_other = expected[0] * found + expected[1] * found_velocity / rate < 0.0;
-    if has_the_other { known.mirrored(&(place..place + 2)) } else { known }
+/// A swing of a device whose signal is the same for both signs of it.
+#[derive(Clone, Copy, Debug)]
+pub struct HiddenSwing<'a> {
+    /// The places of its angle and of the rate of that.
+    pub states: [usize; 2],
+    /// How fast a drive lets it swing, in rad/s.
+    pub rate: f64,
+    /// The states that change their signs with it.
+    pub mirrored: &'a [usize],
+}
+
+impl HiddenSwing<'_> {
+    /// Gives what is known at a time in s the sign that the swing had when it was known at another time in s.
+    pub fn with_the_sign_before(
+        &self,
+        known: MeanAndCovariance,
+        time_s: f64,
+        (held_s, held): (f64, &[f64]),
+    ) -> MeanAndCovariance {
+        let of = |states: &[f64]| -> Option<[f64; 2]> {
+            let [angle, rate] = self.states;
+            Some([*states.get(angle)?, *states.get(rate)? / self.rate])
+        };
+        let (Some([angle, velocity]), Some([found, found_velocity])) = (of(held), of(&known.mean)) else {
+            return known;
+        };
+        let (sine, cosine) = (self.rate * (time_s - held_s)).portable_sin_cos();
+        let expected = [angle * cosine + velocity * sine, velocity * cosine - angle * sine];
+        let has_the_other = expected[0] * found + expected[1] * found_velocity < 0.0;
+        if has_the_other { known.mirrored(self.mirrored) } else { known }
+    }
 }
 
 /// How a filter of a course is started again.

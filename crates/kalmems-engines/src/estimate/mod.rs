@@ -55,8 +55,8 @@ pub use error::EstimateError;
 pub use error_memory::ErrorSpan;
 pub use filter_basics::{FilterBasics, process_noise, refuse_demodulator};
 pub use from_signal::{
-    SignalStart, StartAgain, StartedCourse, batch_start_with, begun, rows_for_start, rows_to_start_again,
-    start_again_from_signal, start_from_signal, with_the_sign_before,
+    HiddenSwing, SignalStart, StartAgain, StartedCourse, batch_start_with, begun, rows_for_start,
+    rows_to_start_again, start_again_from_signal, start_from_signal,
 };
 pub use gate::{
     Decisions, EVENTS, FALSE_REJECTIONS, GateMode, GateTurn, NEVER, Rejection, SampleGate, UpdateLaw,

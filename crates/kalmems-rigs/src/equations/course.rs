@@ -1,5 +1,6 @@
 //! A device of one's own on its way through one segment.
 
+use super::axes::AxisSines;
 use super::event_sensor::{BackwardInterval, EventSensor};
 use super::event_times::{EventAcceptance, EventMeasurement, EventTimes, event_measurements};
 use super::events::FilterEventUse;
@@ -60,8 +61,10 @@ pub struct EquationSegment<'a> {
     pub bends: Vec<usize>,
     /// Which samples are new.
     pub samples: SampleSelection,
-    /// How fast the device moves.
+    /// How fast the device moves; of several axes the slowest of them.
     pub motion: MotionRate,
+    /// The sines that drive several axes, where there are some.
+    pub sines: Option<&'a AxisSines>,
 }
 
 /// The time in s of the first peak of the first input that is a sine, from a time on; that time without a sine.

@@ -1,5 +1,6 @@
 //! A filter of a device of one's own as source code for a microcontroller.
 
+use super::axes::{AxisSines, InputRows};
 use super::course::{EquationSegment, SegmentChannel};
 use super::event_times::{EventTimes, FoundEvents};
 use super::events::{EventSettings, EventTimeSource, FilterEventUse};
@@ -477,15 +478,16 @@ fn test_samples(
     let mut drives: Vec<SegmentDrive<'_>> = volts.iter().map(|values| sampled(&values[..rows])).collect();
     let rates = rates_of_inputs(&own.device, &drives, interval_s);
     drives.extend(rates.iter().map(|values| sampled(values)));
+    let start_s = time_s.first().copied().unwrap_or(0.0);
+    let sines = AxisSines::first(own, InputRows { inputs: &drives, interval_s }, start_s + settings.skip_s);
     let about_hz = settings.sine.as_ref().and_then(|sine| filter.about_of(sine.frequency()));
-    let motion = about_hz.map_or_else(
-        || motion(own, drives.iter().find_map(SegmentDrive::first_sine), interval_s),
-        |frequency_hz| MotionRate { frequency_hz, is_driven: false },
-    );
-    let place = file();
+    let stated = about_hz.map(|frequency_hz| MotionRate { frequency_hz, is_driven: false });
+    let motion = stated.or_else(|| sines.as_ref().map(|sines| sines.slowest(own)));
+    let motion = motion
+        .unwrap_or_else(|| self::motion(own, drives.iter().find_map(SegmentDrive::first_sine), interval_s));
     let data = EquationSegment {
-        place: &place,
-        start_s: time_s.first().copied().unwrap_or(0.0),
+        place: &file(),
+        start_s,
         time_s: &time_s[..=count],
         inputs: drives,
         stated_inputs: own.device.own_inputs(),
@@ -499,6 +501,7 @@ fn test_samples(
             .collect(),
         samples: SampleSelection::whole(count + 1, interval_s),
         motion,
+        sines: sines.as_ref(),
     };
     let models = filter.models().map_err(|error| ExportError::from(refused(experiment, &error)))?;
     let way = EquationFilterTask::of(settings, filter, &models, &data);

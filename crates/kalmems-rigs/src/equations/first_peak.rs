@@ -73,16 +73,18 @@ impl AngleSign {
     }
 }
 
-/// Gives an answer the signs that are stated, by the first turning points behind a time in s; what is not stated stays hidden.
+/// Gives an answer the signs that are stated, by the first turning point of each angle behind a time in s of its own; what is not stated stays hidden.
 pub fn orient(
     trajectory: &mut Trajectory,
     (own, signs): (&OwnDevice, &[AngleSign]),
     past: &mut AnswerPast,
-    peak_s: f64,
+    peaks_s: &[f64],
 ) {
     for sign in signs {
         let stated = sign.in_trajectory(trajectory);
-        past.orient(trajectory, &stated, peak_s);
+        if let Some(peak_s) = peaks_s.get(sign.axis).or(peaks_s.last()) {
+            past.orient(trajectory, &stated, *peak_s);
+        }
     }
     let is_open = |group: &&Vec<usize>| signs.iter().all(|sign| sign.states != **group);
     trajectory.hidden_signs = own.hidden_signs.iter().filter(is_open).cloned().collect();

@@ -1,6 +1,7 @@
 //! A device of one's own: differential equations with units in the table `[device.equations]`, and everything works from them.
 
 mod angles;
+mod axes;
 mod course;
 mod curve;
 mod event_search;
@@ -15,6 +16,7 @@ mod instrument;
 mod interpolation;
 mod inversion;
 mod kinks;
+mod lines;
 mod model;
 mod names;
 mod number;
@@ -43,7 +45,7 @@ mod waveform;
 
 pub use first_peak::sign_after_restart;
 pub use own_filter::estimate_with;
-pub use preset::{OwnExport, Preset, PresetRig, meant};
+pub use preset::{OwnExport, Preset, PresetRig, PresetVariant, meant};
 pub use table::{Demodulator, EquationsTable};
 pub use threshold::PassedThreshold;
 
@@ -310,9 +312,12 @@ impl Rig for EquationsRig {
         if !settings.own.hides_angle() {
             return Ok(Vec::new());
         }
-        let peak_s =
-            segment::first_drive_peak(&settings, &EquationColumns::of(experiment, index)?, recording)?;
-        Ok(self.angles(experiment).iter().filter_map(|_| peak_s).collect())
+        let mut peaks_s =
+            segment::first_drive_peaks(&settings, &EquationColumns::of(experiment, index)?, recording)?;
+        // Of an angle that no axis is of, the drive of the last axis tells.
+        let last = peaks_s.last().copied();
+        peaks_s.resize(self.angles(experiment).len(), last.unwrap_or(f64::NAN));
+        Ok(if last.is_some() { peaks_s } else { Vec::new() })
     }
 
     /// Its parameters are identified by likelihood, whichever the experiment names.

@@ -1,7 +1,9 @@
 //! The line that an oscillation of a state makes in a measurement, by which a lock-in reads the oscillation.
 
+use super::axes::window_s;
 use super::course::SegmentChannel;
 use super::input_part::InputPart;
+use super::lines::{SeparateLines, separating_s};
 use super::segment::EquationFilterTask;
 use super::settings::OwnDevice;
 use super::table::EquationsTable;
@@ -22,8 +24,11 @@ use std::num::NonZeroU8;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OscillationTable {
-    /// The state that oscillates; another state is its rate.
-    pub of: String,
+    /// The state that oscillates; another state is its rate. Of two axes a list of both, each under a sine of its own: the drive is the sum of these, or each is
+    /// an input.
+    #[serde(with = "one_or_several")]
+    #[schemars(schema_with = "one_or_several::schema")]
+    pub of: Vec<String>,
     /// The harmonic of the oscillation at which the signal is read, 1 or 2; 1 if left out. A signal that is the same for both signs
     /// of the state has the second and not the first.
     #[serde(default = "once")]
@@ -35,6 +40,11 @@ pub struct OscillationTable {
 }
 
 impl OscillationTable {
+    /// The states that oscillate.
+    pub fn states(&self) -> &[String] {
+        &self.of
+    }
+
     /// The cycles of the drive in one of the oscillation.
     pub fn drive_cycles(&self) -> f64 {
         self.drive_cycles.get().into()
@@ -43,6 +53,34 @@ impl OscillationTable {
 
 fn once() -> NonZeroU8 {
     NonZeroU8::MIN
+}
+
+/// One name, or a list of several.
+mod one_or_several {
+    use schemars::{Schema, SchemaGenerator, json_schema};
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "expected the name of a state, or a list of names")]
+    enum OneOrSeveral {
+        One(String),
+        Several(Vec<String>),
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+        Ok(match OneOrSeveral::deserialize(deserializer)? {
+            OneOrSeveral::One(name) => vec![name],
+            OneOrSeveral::Several(names) => names,
+        })
+    }
+
+    pub fn serialize<S: Serializer>(names: &[String], serializer: S) -> Result<S::Ok, S::Error> {
+        if let [name] = names { name.serialize(serializer) } else { names.serialize(serializer) }
+    }
+
+    pub fn schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "anyOf": [{ "type": "string" }, { "type": "array", "items": { "type": "string" } }] })
+    }
 }
 
 /// Points of a cycle at which a measurement is read. What a sum of trapezoids leaves of a smooth periodic function falls
@@ -74,6 +112,8 @@ struct OscillationLine {
 /// A measurement of one oscillating state.
 pub struct MeasuredOscillation {
     measure: usize,
+    /// Which of the states that oscillate it is of.
+    axis: usize,
     motion: Motion,
     readout: ReadoutProgram,
     /// The state that oscillates, and its rate.
@@ -89,26 +129,25 @@ pub struct MeasuredOscillation {
 }
 
 impl MeasuredOscillation {
-    /// Of a measurement, by its place, of a device that states one; why there is none.
-    pub fn of(own: &OwnDevice, table: &EquationsTable, measure: usize) -> Result<Self, String> {
+    /// Of a measurement, by its place, of a device that states the state that oscillates, by its place among these; why there is none.
+    pub fn of(
+        own: &OwnDevice,
+        table: &EquationsTable,
+        (measure, axis): (usize, usize),
+    ) -> Result<Self, String> {
         let device = &own.device;
-        let Some(stated) = &table.oscillation else {
+        let Some((stated, of)) = table.oscillation.as_ref().and_then(|all| Some((all, all.of.get(axis)?)))
+        else {
             return Err("its equations say what signal a state makes, and not which state oscillates with the drive; write \
                         `[device.equations.oscillation]` with `of = \"…\"`, or use `ekf`"
                 .to_owned());
         };
         let named = |state: usize| device.states().get(state).map(|n| n.name.to_string()).unwrap_or_default();
         let own_states = device.own_states();
-        let place = |name: &str| device.state(name).filter(|state| *state < own_states);
-        let Some(state) = place(&stated.of) else {
-            return Err(format!("`oscillation.of` is `{}`, which is not a state of the device", stated.of));
-        };
-        let Some(rate) = table.derivative.get(&stated.of).and_then(|text| place(text.trim())) else {
-            return Err(format!(
-                "`{}` has no state for its rate: write a state `v` and `{} = \"v\"` in `[device.equations.derivative]`",
-                stated.of, stated.of
-            ));
-        };
+        let [state, rate] = swinging(own, table, of)?;
+        let other =
+            own.axes.iter().flat_map(|axis| axis.states).filter(|place| *place != state && *place != rate);
+        let others: Vec<usize> = other.collect();
         if stated.harmonic.get() > 2 {
             return Err(format!("`oscillation.harmonic` is {}; 1 and 2 can be read", stated.harmonic));
         }
@@ -118,14 +157,13 @@ impl MeasuredOscillation {
         let mut followers = Vec::new();
         let mut found: Vec<usize> = readout.sparsity().collect();
         while let Some(next) = found.pop() {
-            if next == state || next == rate || followers.contains(&next) {
+            if next == state || next == rate || others.contains(&next) || followers.contains(&next) {
                 continue;
             }
             if next < own_states {
                 return Err(format!(
-                    "its measurement depends on `{}` as well, which an oscillation of `{}` does not determine",
-                    named(next),
-                    stated.of
+                    "its measurement depends on `{}` as well, which an oscillation of `{of}` does not determine",
+                    named(next)
                 ));
             }
             followers.push(next);
@@ -155,6 +193,7 @@ impl MeasuredOscillation {
         let cycle = (0..POINTS).map(|k| Complex64::cis(TAU * k as f64 / POINTS as f64));
         let all = Self {
             measure,
+            axis,
             states: [state, rate],
             coupling,
             rest: own.rest.clone(),
@@ -165,11 +204,43 @@ impl MeasuredOscillation {
             readout,
             followers,
         };
+        if let Some(other) = all.mixes(&own.values, &others) {
+            return Err(format!(
+                "its measurement is no sum of a part of `{of}` and one of `{}`, so that the lines of both are not told apart; use `ekf`",
+                named(other)
+            ));
+        }
         if all.depends_on_an_input(&own.values) {
             return Err("its measurement depends on an input itself, whose line would be taken for that of the motion; use `ekf`"
                 .to_owned());
         }
         Ok(all)
+    }
+
+    /// Another state on which it depends how the measurement, or what a lag of it follows, grows with this one.
+    fn mixes(&self, values: &[f64], others: &[usize]) -> Option<usize> {
+        let mut work = self.work(values);
+        let (states, inputs) = (self.rest.len(), vec![0.0; self.inputs]);
+        let mut slopes_at = |other: Option<usize>| -> Vec<u64> {
+            let mut x = self.rest.clone();
+            x[self.states[0]] += 0.1;
+            if let Some(place) = other {
+                x[place] += 0.07;
+            }
+            let (mut of_readout, mut rates) = (vec![0.0; states], vec![0.0; states]);
+            let mut jacobian = vec![0.0; states * states];
+            self.readout.linearize(&mut work[1], &x, &inputs, &mut of_readout);
+            self.motion.linearize(&mut work[0], &x, &inputs, &mut rates, &mut jacobian);
+            let of = self.states.into_iter();
+            of.flat_map(|own| {
+                let followed = self.followers.iter().map(move |row| row * states + own);
+                followed.map(|place| jacobian[place]).chain([of_readout[own]]).collect::<Vec<_>>()
+            })
+            .map(f64::to_bits)
+            .collect()
+        };
+        let alone = slopes_at(None);
+        others.iter().copied().find(|other| slopes_at(Some(*other)) != alone)
     }
 
     /// What is worked on, for the values of all parameters.
@@ -364,6 +435,60 @@ impl MeasuredOscillation {
     }
 }
 
+/// A state that oscillates, by its name, and the state that is its rate; why it is none.
+pub fn swinging(own: &OwnDevice, table: &EquationsTable, name: &str) -> Result<[usize; 2], String> {
+    let place = |name: &str| own.device.state(name).filter(|state| *state < own.device.own_states());
+    let Some(state) = place(name) else {
+        return Err(format!("`oscillation.of` is `{name}`, which is not a state of the device"));
+    };
+    let Some(rate) = table.derivative.get(name).and_then(|text| place(text.trim())) else {
+        return Err(format!(
+            "`{name}` has no state for its rate: write a state `v` and `{name} = \"v\"` in `[device.equations.derivative]`"
+        ));
+    };
+    Ok([state, rate])
+}
+
+/// Why samples show no oscillation of several states.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LineError {
+    /// The lines of both cannot be told apart in them.
+    #[error(
+        "the first samples do not tell the lines of the two axes apart; take a longer recording, or move the drives apart"
+    )]
+    Inseparable,
+    /// One of them does not move, or too little.
+    #[error(
+        "`{state}`: its line in the signal is {line:.2e} {unit}, and its standard deviation {sd:.1e} {unit}; expected five times that; it stands still, \
+         or the recording is too short"
+    )]
+    NoMotion {
+        /// Its name.
+        state: String,
+        /// The amplitude of the line.
+        line: f64,
+        /// Its standard deviation.
+        sd: f64,
+        /// The unit of the signal.
+        unit: String,
+    },
+    /// The line is larger than any oscillation makes it.
+    #[error(
+        "`{state}`: its line in the signal is {line:.3} {unit}, more than an oscillation of it makes; check gain and capacitances, or what else the signal is of"
+    )]
+    TooLarge {
+        /// Its name.
+        state: String,
+        /// The amplitude of the line.
+        line: f64,
+        /// The unit of the signal.
+        unit: String,
+    },
+}
+
+/// How many standard deviations of a line its amplitude has at least.
+const LEAST_LINE: f64 = 5.0;
+
 /// The mean of what several measurements show, each with a weight.
 #[derive(Debug, Default)]
 struct Mean {
@@ -387,6 +512,17 @@ impl Mean {
     }
 }
 
+/// The lines of several states in samples, each alone; `None` of one state.
+fn apart(
+    of: &[&MeasuredOscillation],
+    samples: (&[f64], &[f64]),
+    motions_hz: &[f64],
+) -> Result<Option<SeparateLines>, LineError> {
+    let ([first, second], [first_hz, second_hz]) = (of, motions_hz) else { return Ok(None) };
+    let lines_hz = [first.harmonic as f64 * first_hz, second.harmonic as f64 * second_hz];
+    SeparateLines::of(samples, lines_hz).map(Some).ok_or(LineError::Inseparable)
+}
+
 impl EquationFilterTask<'_> {
     /// The signal of a channel without what inputs add to it.
     fn without_inputs<'a>(&self, channel: &SegmentChannel<'a>) -> Cow<'a, [f64]> {
@@ -395,36 +531,90 @@ impl EquationFilterTask<'_> {
         part.taken_off(self.own, of, (channel.signal, self.data.samples.interval_s)).into()
     }
 
-    /// The oscillation that the first cycles of its signal show, of a device whose table says what a line means; its sign is that which lies nearer to
-    /// another one.
-    pub fn first_swing(&self, before: &Swing) -> Option<Swing> {
-        let (data, motion_hz) = (self.data, self.data.motion.frequency_hz);
-        let of = self.filter.oscillations.first().filter(|_| data.motion.is_driven)?;
-        let channel = data.channels.get(*self.channels().first()?).filter(|own| own.measure == of.measure)?;
-        let end_s = data.time_s.first()? + FIRST_CYCLES / motion_hz;
-        let end = data.time_s.partition_point(|time_s| *time_s < end_s);
+    /// How fast each oscillating state moves in Hz: as its sine drives it, or as it is free to.
+    pub fn motions_hz(&self) -> Vec<f64> {
+        match self.data.sines {
+            _ if self.own.axes.is_empty() => vec![self.data.motion.frequency_hz],
+            Some(sines) => sines.motions(self.own).map(|motion| motion.frequency_hz).into(),
+            None => self.own.axes.iter().map(|axis| axis.natural_hz).collect(),
+        }
+    }
+
+    /// What it shows of each oscillating state in some samples of a channel.
+    fn lines_of<'a>(
+        &'a self,
+        channel: &SegmentChannel,
+    ) -> impl Iterator<Item = &'a MeasuredOscillation> + use<'a> {
+        let measure = channel.measure;
+        self.filter.oscillations.iter().filter(move |of| of.measure == measure)
+    }
+
+    /// The oscillations that the first cycles of its signal show, of a device whose table says what a line means; their signs are those that lie nearer to
+    /// others. `None` where the table does not say it.
+    pub fn first_swings(&self, before: &[Swing]) -> Result<Option<Vec<Swing>>, LineError> {
+        let data = self.data;
+        let first = self.channels().first().and_then(|place| data.channels.get(*place));
+        let (Some(channel), Some(begin_s)) = (first, data.time_s.first()) else { return Ok(None) };
+        let (found, motions_hz) = (self.lines_of(channel).collect::<Vec<_>>(), self.motions_hz());
+        if found.len() != motions_hz.len() || !data.motion.is_driven {
+            return Ok(None);
+        }
+        let shown_s = if self.own.axes.is_empty() {
+            FIRST_CYCLES / data.motion.frequency_hz
+        } else {
+            window_s(self.own)
+        };
+        let end = data.time_s.partition_point(|time_s| *time_s < begin_s + shown_s);
         let signal = self.without_inputs(channel);
-        let rows = (data.time_s.get(..end)?, signal.get(..end)?);
-        let (swing, _) = of.swing(&mut of.work(&self.own.values), rows, motion_hz, None)?;
-        Some(swing.nearest_to(Some(before)))
+        let (Some(time_s), Some(signal)) = (data.time_s.get(..end), signal.get(..end)) else {
+            return Ok(None);
+        };
+        let apart = apart(&found, (time_s, signal), &motions_hz)?;
+        let unit = self
+            .own
+            .device
+            .measures()
+            .get(channel.measure)
+            .map_or_else(String::new, |own| own.unit_text.to_string());
+        let mut swings = Vec::new();
+        for ((of, motion_hz), place) in found.into_iter().zip(motions_hz).zip(0..) {
+            let alone = apart.as_ref().map_or(signal, |apart| &apart.signals[of.axis]);
+            let seen = || {
+                fit_sine_at(time_s, alone, of.harmonic as f64 * motion_hz)
+                    .map_or(f64::NAN, |sine| sine.amplitude)
+            };
+            let state = || self.own.device.states()[of.states[0]].name.to_string();
+            if let Some(sd) =
+                apart.as_ref().map(|apart| apart.amplitude_sd).filter(|sd| seen() < LEAST_LINE * sd)
+            {
+                return Err(LineError::NoMotion { state: state(), line: seen(), sd, unit });
+            }
+            let swing = of.swing(&mut of.work(&self.own.values), (time_s, alone), motion_hz, None);
+            let Some((swing, _)) = swing else {
+                if apart.is_none() {
+                    return Ok(None);
+                }
+                return Err(LineError::TooLarge { state: state(), line: seen(), unit });
+            };
+            swings.push(swing.nearest_to(before.get(place)));
+        }
+        Ok(Some(swings))
     }
 
     /// Cycle by cycle, the oscillation that the lines of the signals show: the mean of all channels, by what the noise of their samples
-    /// leaves of each.
-    pub fn lock_in(
-        &self,
-        oscillations: &[MeasuredOscillation],
-        past: &mut FilterPast,
-        states: &[StateName],
-    ) -> Result<Trajectory, EstimateError> {
-        let (basics, data) = (&self.filter.basics, self.data);
+    /// leaves of each. Of two axes, in windows that tell their lines apart.
+    pub fn lock_in(&self, past: &mut FilterPast, states: &[StateName]) -> Result<Trajectory, EstimateError> {
+        let (basics, data, oscillations) = (&self.filter.basics, self.data, &self.filter.oscillations);
         // Where nothing drives it, it moves as it is free to.
-        let moves = data.motion.is_driven || self.own.natural_hz().is_some();
-        let (Some(first), true) = (oscillations.first(), moves) else {
+        let moves = data.motion.is_driven || self.own.natural_hz().is_some() && self.own.axes.is_empty();
+        if oscillations.is_empty() || !moves {
             let (place, filter) = (data.place.to_owned(), basics.name.clone());
             return Err(EstimateError::NoSteadyDrive { place, filter });
-        };
-        let motion_hz = data.motion.frequency_hz;
+        }
+        if past.numbers.is_empty() && !self.own.axes.is_empty() {
+            past.numbers = self.motions_hz();
+        }
+        let motions_hz = if self.own.axes.is_empty() { self.motions_hz() } else { past.numbers.clone() };
         let channels: Vec<&SegmentChannel> =
             self.channels().into_iter().filter_map(|place| data.channels.get(place)).collect();
         let alone: Vec<Cow<'_, [f64]>> =
@@ -435,28 +625,53 @@ impl EquationFilterTask<'_> {
             signals: &signals,
             samples: &data.samples,
             start_s: data.start_s,
-            length_s: motion_hz.recip(),
+            length_s: self.length_s(&motions_hz)?,
         };
-        let own = first.states.iter().filter_map(|state| states.get(*state).copied());
-        let own: Vec<StateName> = own.collect();
+        let own = oscillations.iter().take(motions_hz.len()).flat_map(|of| of.states);
+        let own: Vec<StateName> = own.filter_map(|state| states.get(state).copied()).collect();
         let read: Vec<_> = channels
             .iter()
-            .filter_map(|channel| {
-                let of = oscillations.iter().find(|of| of.measure == channel.measure)?;
-                Some((of, RefCell::new(of.work(&self.own.values)), channel.variance))
+            .map(|channel| {
+                let of: Vec<_> = self.lines_of(channel).collect();
+                let work: Vec<_> = of.iter().map(|of| RefCell::new(of.work(&self.own.values))).collect();
+                (of, work, channel.variance)
             })
             .collect();
         let detect = |time_s: &[f64], signals: &[&[f64]], before: &[Swing]| {
-            let mut before = before.first().copied();
-            let mut mean = Mean::default();
+            let mut before: Vec<Option<Swing>> = before.iter().copied().map(Some).collect();
+            before.resize(motions_hz.len(), None);
+            let mut means: Vec<Mean> = motions_hz.iter().map(|_| Mean::default()).collect();
             for ((of, work, variance), signal) in read.iter().zip(signals) {
-                let found = of.swing(&mut work.borrow_mut(), (time_s, signal), motion_hz, before.as_ref());
-                let Some((swing, grows)) = found else { continue };
-                mean.add(&swing, grows * grows / variance);
-                before = before.or(Some(swing));
+                let Ok(apart) = apart(of, (time_s, signal), &motions_hz) else { continue };
+                for (of, work) in of.iter().zip(work) {
+                    let alone = apart.as_ref().map_or(*signal, |apart| &apart.signals[of.axis]);
+                    let (before, motion_hz) = (before.get_mut(of.axis)?, *motions_hz.get(of.axis)?);
+                    let found = of.swing(&mut work.borrow_mut(), (time_s, alone), motion_hz, before.as_ref());
+                    let Some((swing, grows)) = found else { continue };
+                    means.get_mut(of.axis)?.add(&swing, grows * grows / variance);
+                    *before = before.or(Some(swing));
+                }
             }
-            Some(vec![mean.swing(TAU * motion_hz)?])
+            means.iter().zip(&motions_hz).map(|(mean, hz)| mean.swing(TAU * hz)).collect()
         };
         Ok(lock_in((basics, past), &windows, &own, detect))
+    }
+
+    /// How long a window of a lock-in is in s: a cycle of the motion, and of two axes as many as tell their lines apart.
+    fn length_s(&self, motions_hz: &[f64]) -> Result<f64, EstimateError> {
+        let first = self.filter.oscillations.first().map_or(1.0, |of| of.harmonic as f64);
+        let [x, y] = *motions_hz else {
+            return Ok(motions_hz.first().copied().unwrap_or(f64::NAN).recip());
+        };
+        let (length_s, longest_s) = (separating_s([first * x, first * y]), window_s(self.own));
+        if length_s <= longest_s {
+            return Ok(length_s);
+        }
+        let why = format!(
+            "the lock-in `{}` would need windows of {length_s:.2e} s to tell the lines of the two drives and of their harmonics apart; \
+             both axes are taken to swing steadily for {longest_s:.0e} s at most: move the drives apart, or use `ekf`",
+            self.filter.basics.name
+        );
+        Err(EstimateError::Unfit { place: self.data.place.to_owned(), why })
     }
 }

@@ -16,7 +16,6 @@ use crate::recording::{RecordingLayout, RecordingSource, SampledRecording};
 use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation, SimulationStart};
 use crate::{Estimator, Expansion, OmittedNumber, RecordingChannels, Rig, StateDensity, Template};
 use kalmems_engines::rig::{LengthScale, export_of_rig};
-use std::marker::PhantomData;
 use std::ops::ControlFlow;
 
 /// A filter as it is exported with parts of its own, and the columns of drive and signal.
@@ -56,10 +55,8 @@ pub trait Preset: DeviceDescription {
         Instruments::default()
     }
 
-    /// Whether its table is that of this device, and not of another one that has the same table.
-    fn is_meant(&self) -> bool {
-        true
-    }
+    /// Devices with the same table that have a name and a template of their own.
+    const VARIANTS: &'static [PresetVariant<Self>] = &[];
 
     /// Numbers that its table may leave out and that may be what is wrong.
     fn left_out(&self) -> Vec<OmittedNumber> {
@@ -109,13 +106,28 @@ pub fn meant(
     Ok(table)
 }
 
+/// A device that has the table of another one.
+pub struct PresetVariant<T> {
+    /// Its name, for `kalmems new`.
+    pub name: &'static str,
+    /// What an experiment with it begins from.
+    pub template: Template,
+    /// Whether a table is that of this device.
+    pub is_meant: fn(&T) -> bool,
+}
+
 /// The rig of a published device: that of its equations.
-pub struct PresetRig<T>(PhantomData<fn() -> T>);
+pub struct PresetRig<T: 'static>(Option<&'static PresetVariant<T>>);
 
 impl<T> PresetRig<T> {
     /// Of this device.
     pub const fn new() -> Self {
-        Self(PhantomData)
+        Self(None)
+    }
+
+    /// Of a device that has its table.
+    pub const fn of(variant: &'static PresetVariant<T>) -> Self {
+        Self(Some(variant))
     }
 }
 
@@ -134,7 +146,7 @@ impl<T: Preset> PresetRig<T> {
 
 impl<T: Preset> Rig for PresetRig<T> {
     fn name(&self) -> &'static str {
-        T::NAME
+        self.0.map_or(T::NAME, |variant| variant.name)
     }
 
     fn device(&self) -> DeviceKind {
@@ -142,7 +154,7 @@ impl<T: Preset> Rig for PresetRig<T> {
     }
 
     fn template(&self) -> Option<Template> {
-        Some(T::TEMPLATE)
+        Some(self.0.map_or(T::TEMPLATE, |variant| variant.template))
     }
 
     fn uses(&self, experiment: &Experiment) -> DeviceUses {
@@ -162,7 +174,10 @@ impl<T: Preset> Rig for PresetRig<T> {
     }
 
     fn claims(&self, experiment: &Experiment) -> Result<bool, ConfigError> {
-        Ok(experiment.device::<T>()?.is_meant() && EquationsRig.claims(experiment)?)
+        let device = experiment.device::<T>()?;
+        let is_other = || T::VARIANTS.iter().any(|variant| (variant.is_meant)(&device));
+        let is_meant = self.0.map_or_else(|| !is_other(), |variant| (variant.is_meant)(&device));
+        Ok(is_meant && EquationsRig.claims(experiment)?)
     }
 
     fn length_scale(&self, experiment: &Experiment) -> Result<Option<LengthScale>, ConfigError> {

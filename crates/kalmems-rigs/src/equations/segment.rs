@@ -1,6 +1,7 @@
 //! The filters of one segment.
 
 use super::EquationColumns;
+use super::axes::{AxisSines, DrivenAxis, InputRows, window_s};
 use super::course::{EquationCourse, EquationSegment, SegmentChannel, peak_after};
 use super::event_search::EventSearches;
 use super::event_times::EventTimes;
@@ -120,15 +121,15 @@ impl<'a> SampledInputs<'a, '_> {
     }
 }
 
-/// The time in s of the drive's first peak after the settling time, in a recording's first segment.
-pub fn first_drive_peak(
+/// The time in s of the first peak of each angle's drive after the settling time, in a recording's first segment.
+pub fn first_drive_peaks(
     settings: &EquationSettings,
     columns: &EquationColumns,
     recording: &SampledRecording,
-) -> Result<Option<f64>, EstimateError> {
-    let device = &settings.own.device;
+) -> Result<Vec<f64>, EstimateError> {
+    let (own, device) = (&settings.own, &settings.own.device);
     let Some((first, (measure, column))) = recording.segments().first().zip(columns.measured.first()) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let (part, mut past) = (SegmentPart::whole(recording, first), Past::default());
     let kind = names::kind_of(&device.measures()[*measure]);
@@ -141,8 +142,14 @@ pub fn first_drive_peak(
         foresees: false,
         progress: &Silent,
     };
-    let inputs = sampled.stated(&settings.own, columns)?;
-    Ok(Some(peak_after(&inputs, segment.start_s + settings.skip_s)))
+    let inputs = sampled.stated(own, columns)?;
+    let start_s = segment.start_s + settings.skip_s;
+    if own.axes.is_empty() {
+        return Ok(vec![peak_after(&inputs, start_s)]);
+    }
+    let rows = InputRows { inputs: &inputs, interval_s: segment.interval_s };
+    let sines = AxisSines::first(own, rows, start_s);
+    Ok(sines.map_or_else(Vec::new, |sines| sines.sines.map(|sine| sine.peak_after(start_s)).into()))
 }
 
 /// Estimates recordings, part by part.
@@ -157,6 +164,8 @@ pub struct EquationEstimator<'a> {
     pub columns: EquationColumns<'a>,
     /// What is kept from one part to the next.
     pub past: Past,
+    /// The sines that drive several axes, in the segment that is being estimated.
+    pub sines: Option<AxisSines>,
     /// The searches for events in the segment that is being estimated.
     pub searches: Option<EventSearches>,
     /// Why the recording is no good, where only its end has shown it.
@@ -187,6 +196,7 @@ impl<'a> EquationEstimator<'a> {
             models,
             columns: EquationColumns::of(experiment, index)?,
             past: Past::default(),
+            sines: None,
             searches: None,
             refused: None,
             left_ranges: RangeTally::default(),
@@ -211,6 +221,14 @@ impl Estimator for EquationEstimator<'_> {
         let from_signal =
             filters().filter_map(|filter| Some(most_rows((&filter.own, &filter.prior()?), interval_s)));
         let mut rows = from_signal.fold(rows, usize::max);
+        if !self.settings.own.axes.is_empty() {
+            // Of the last window, a lock-in says nothing before it has ended.
+            let window_s = window_s(&self.settings.own);
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+            let shown =
+                ((first_s + window_s).max(self.settings.skip_s).max(window_s) / interval_s).ceil() as usize;
+            rows = rows.max(shown);
+        }
         let smooths = filters().any(|filter| filter.basics.smooth);
         let RowsNeeded { before, after } = self.settings.needed(interval_s).with_a_margin();
         let lag = self.past.lag();
@@ -259,26 +277,29 @@ impl Estimator for EquationEstimator<'_> {
             self.left_ranges = RangeTally::default();
         }
         let samples = segment.samples();
-        let foresees = self.side_outputs.prediction.is_some();
         let mut sampled = SampledInputs {
             segment: &segment,
             samples: &samples,
             past: &mut *past,
-            foresees,
+            foresees: self.side_outputs.prediction.is_some(),
             progress: self.progress,
         };
         let mut inputs = sampled.stated(&settings.own, &self.columns)?;
         let rates = rates_of_inputs(device, &inputs, segment.interval_s);
         sampled.add_rates(&mut inputs, (device, &rates), &self.columns)?;
-        let (_, variances) = noises(
-            device,
-            (values, &settings.own.rest, &settings.own.bandwidths),
-            segment.interval_s.recip(),
-        )
-        .map_err(wrong)?;
+        let at_rest = (values.as_slice(), &*settings.own.rest, &*settings.own.bandwidths);
+        let (_, variances) = noises(device, at_rest, segment.interval_s.recip()).map_err(wrong)?;
         let channels = channels((self.experiment, device), &self.columns, &variances, &segment)?;
-        let (motion, judged) =
-            judged_motion((settings, &self.columns), (&segment, &channels, &inputs), past)?;
+        let start_s = segment.start_s + settings.skip_s;
+        if segment.begins || self.sines.is_none() {
+            let rows = InputRows { inputs: &inputs, interval_s: segment.interval_s };
+            self.sines = AxisSines::first(&settings.own, rows, start_s);
+        }
+        let (motion, judged) = judged_motion(
+            (settings, &self.columns, self.sines.as_ref()),
+            (&segment, &channels, &inputs),
+            past,
+        )?;
         let bends = bends(&settings.own, &channels, (&segment.time_s, &inputs));
         let mut kept = match self.searches.take() {
             Some(searches) => searches,
@@ -300,41 +321,37 @@ impl Estimator for EquationEstimator<'_> {
             bends,
             samples,
             motion,
+            sines: self.sines.as_ref(),
         };
-        // A filter knows the first rows of a drive; its motion is judged by what the drive is throughout.
-        let steady = data.inputs.iter().find_map(|input| input.sine().copied());
-        let steady_motion = match &settings.sine {
-            None => self::motion(&settings.own, steady.as_ref(), segment.interval_s),
-            Some(_) => motion,
-        };
-        let start_s = segment.start_s + settings.skip_s;
         // By the first rows, so that it does not depend on what comes later.
         let phase_rate = if self.side_outputs.is_asked() {
             *past.motion_rate.get_or_insert(TAU * motion.frequency_hz)
         } else {
             TAU * motion.frequency_hz
         };
+        let axes = judged_axes(settings, (judged, motion), (&data, start_s));
         let answers = Answers {
             settings,
             models: &self.models,
             side_outputs: (&self.side_outputs, phase_rate),
             own_filter: &self.own_filter,
             data: &data,
-            axes: &[(judged, steady_motion)],
+            axes: &axes,
             start_s,
             progress: self.progress,
         };
         let all = answers.of_filters(past)?;
         let mut remarks = sign_after_restart(part, !settings.signs.is_empty());
-        remarks.extend(settings.without_low_passes.clone().filter(|_| part.begins));
+        remarks.extend(settings.remarks.iter().filter(|_| part.begins).cloned());
         remarks.extend(left_tables(&settings.own, &data, &all));
         self.left_ranges.add(&settings.own.ranges, &all);
         if segment.ends {
             remarks.extend(self.left_ranges.remarks(&settings.own.ranges, &all));
         }
         let drive_column = self.columns.inputs.first().copied().unwrap_or_default();
-        let axis = AngleAxis { angle: judged, motion: steady_motion, drive: steady };
-        let mut estimate = segment.estimated_under(drive_column, (axis, Vec::new()), all);
+        let mut judged = axes.into_iter().map(|axis| axis.of);
+        let first = judged.next().unwrap_or(AngleAxis { angle: "", motion, drive: None });
+        let mut estimate = segment.estimated_under(drive_column, (first, judged.collect()), all);
         (estimate.remarks, estimate.sign_is_hidden) = (remarks, settings.own.hides_angle());
         (estimate.crossings, estimate.crossings_refused) = (crossings, refused);
         kept.pass(&segment);
@@ -422,7 +439,7 @@ pub fn motion(own: &OwnDevice, drive: Option<&Sine>, interval_s: f64) -> MotionR
 
 /// How fast it moves as the first rows of its inputs show it, and the name of what its motion is judged by.
 fn judged_motion(
-    (settings, columns): (&EquationSettings, &EquationColumns),
+    (settings, columns, sines): (&EquationSettings, &EquationColumns, Option<&AxisSines>),
     (segment, channels, inputs): (&SignalSegment, &[SegmentChannel], &[SegmentDrive<'_>]),
     past: &mut Past,
 ) -> Result<(MotionRate, &'static str), EstimateError> {
@@ -433,8 +450,52 @@ fn judged_motion(
     if let Some(natural_hz) = own.natural_hz().filter(|_| own.has_angle()) {
         segment.require_after_settling(SCORED_CYCLES / natural_hz)?;
     }
-    let drive = inputs.iter().find_map(|input| input.first_sine().copied());
-    Ok((motion(own, drive.as_ref(), segment.interval_s), own.states()[own.judged()].0))
+    let drive = inputs.iter().find_map(|input| input.first_sine().copied()).filter(|_| own.axes.is_empty());
+    let driven = sines.map(|sines| sines.slowest(own));
+    let motion = driven.unwrap_or_else(|| motion(own, drive.as_ref(), segment.interval_s));
+    Ok((motion, own.states()[own.judged()].0))
+}
+
+/// What a motion is judged by, and the time in s behind which a turning point tells its sign.
+struct JudgedAxis {
+    of: AngleAxis,
+    peak_s: f64,
+}
+
+/// The axes of the motion. A filter knows the first rows of a drive; its motion is judged by what the drive is throughout.
+fn judged_axes(
+    settings: &EquationSettings,
+    (judged, first): (&'static str, MotionRate),
+    (data, start_s): (&EquationSegment<'_>, f64),
+) -> Vec<JudgedAxis> {
+    let own = &settings.own;
+    if own.axes.is_empty() {
+        let drive = data.inputs.iter().find_map(|input| input.sine().copied());
+        let motion = match &settings.sine {
+            None => motion(own, drive.as_ref(), data.samples.interval_s),
+            Some(_) => first,
+        };
+        let of = AngleAxis { angle: judged, motion, drive };
+        return vec![JudgedAxis { of, peak_s: peak_after(&data.inputs, start_s) }];
+    }
+    let names = own.states();
+    let rows = InputRows { inputs: &data.inputs, interval_s: data.samples.interval_s };
+    let sines = data.sines.map(|first| (first, first.throughout(own, rows)));
+    let axis = |(place, axis): (usize, &DrivenAxis)| {
+        let of = sines.as_ref().and_then(|(first, all)| {
+            Some((first.sines.get(place)?, all.sines.get(place)?, all.motions(own).get(place).copied()?))
+        });
+        let free = MotionRate { frequency_hz: axis.natural_hz, is_driven: false };
+        JudgedAxis {
+            of: AngleAxis {
+                angle: names.get(axis.states[0]).map_or("", |(name, ..)| name),
+                motion: of.map_or(free, |(.., motion)| motion),
+                drive: of.map(|(_, all, _)| *all),
+            },
+            peak_s: of.map_or(start_s, |(first, ..)| first.peak_after(start_s)),
+        }
+    };
+    own.axes.iter().enumerate().map(axis).collect()
 }
 
 /// Of each filter that stopped at one of these samples, the table that it left, where it left one.
@@ -465,7 +526,7 @@ struct Answers<'a> {
     own_filter: &'a OwnFilter,
     data: &'a EquationSegment<'a>,
     /// What the answers are judged by.
-    axes: &'a [(&'static str, MotionRate)],
+    axes: &'a [JudgedAxis],
     /// The end of the settling time in s.
     start_s: f64,
     progress: &'a dyn Progress,
@@ -476,6 +537,8 @@ impl Answers<'_> {
     fn of_filters(&self, past: &mut Past) -> Result<Vec<Trajectory>, EstimateError> {
         let Self { settings, data, start_s, .. } = *self;
         let (outputs, rate) = self.side_outputs;
+        let axes: Vec<_> = self.axes.iter().map(|axis| (axis.of.angle, axis.of.motion)).collect();
+        let peaks_s: Vec<f64> = self.axes.iter().map(|axis| axis.peak_s).collect();
         let mut all = Vec::new();
         for (index, filter) in settings.filters.iter().enumerate() {
             let past = past.filter(index);
@@ -491,8 +554,8 @@ impl Answers<'_> {
             let mut found = task.follow(past)?;
             for (answer, trajectory) in found.iter_mut().enumerate() {
                 let past = past.answer(answer);
-                orient(trajectory, (&filter.own, &settings.signs), past, peak_after(&data.inputs, start_s));
-                trajectory.lock = past.judge.judge(trajectory, self.axes, start_s, data.samples.ends);
+                orient(trajectory, (&filter.own, &settings.signs), past, &peaks_s);
+                trajectory.lock = past.judge.judge(trajectory, &axes, start_s, data.samples.ends);
             }
             all.append(&mut found);
         }
@@ -556,7 +619,7 @@ impl EquationFilterTask<'_> {
             return Ok(vec![self.lock_in_of_sine(sine, past)?]);
         }
         if basics.method == Method::LockIn {
-            return Ok(vec![self.lock_in(&self.filter.oscillations, past, &self.own.states())?]);
+            return Ok(vec![self.lock_in(past, &self.own.states())?]);
         }
         let channels = self.channels();
         let steps = if basics.method == Method::HybridEkf { HYBRID_STEPS } else { 1 };
@@ -594,10 +657,10 @@ impl EquationFilterTask<'_> {
             return answers_of_bank((basics, past), |index| Ok(known(index)), way, &states, self.progress);
         }
         let Some(model) = self.models.first() else { return Ok(Vec::new()) };
-        let is_one_swing = self.own.is_one_swing() && basics.parameters().is_empty();
-        if (self.sine.is_some() || is_one_swing) && basics.gain().is_some() && past.numbers.is_empty() {
+        let turns = self.own.swings() > 0 && basics.parameters().is_empty();
+        if (self.sine.is_some() || turns) && basics.gain().is_some() && past.numbers.is_empty() {
             past.numbers = known(0).mean;
-            if is_one_swing {
+            if turns {
                 past.numbers = self.operating(&past.numbers);
             }
         }
@@ -664,7 +727,7 @@ impl EquationFilterTask<'_> {
             };
             return phase_lock((self.own, model), gain, &known, &of).map_err(|why| basics.no_gain(&why));
         }
-        if self.own.is_one_swing() && basics.parameters().is_empty() {
+        if self.own.swings() > 0 && basics.parameters().is_empty() {
             return self.turning((gain, &known, &operating), model, channel);
         }
         let made = |rest: &MeanAndCovariance, step: &dyn Transition, sensor: &dyn Sensor| {

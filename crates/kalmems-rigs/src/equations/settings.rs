@@ -1,6 +1,7 @@
 //! From an experiment file to SI.
 
 use super::angles;
+use super::axes::DrivenAxis;
 use super::events::{self, EventSettings, FilterEventUse};
 use super::first_peak::AngleSign;
 use super::interpolation::Interpolation;
@@ -45,8 +46,11 @@ pub struct OwnDevice {
     pub bandwidths: Vec<f64>,
     /// The quantities that are described between some values alone.
     pub ranges: Vec<QuantityRange>,
-    /// The state that is the first angle of a swing, where the table has one.
-    angle: Option<usize>,
+    /// The states that are angles of a swing, in the order of the table, and their rates.
+    angles: Vec<usize>,
+    rates: Vec<usize>,
+    /// The states that the drive moves each by a sine of its own, where the table names several.
+    pub axes: Vec<DrivenAxis>,
     /// The cycles of the drive in one of the motion.
     pub drive_cycles: f64,
     /// The signs of states that its measurements do not tell.
@@ -73,10 +77,12 @@ impl OwnDevice {
         let bandwidths = device.measures().iter().map(bandwidth_hz).collect();
         let ranges = ranges(experiment, table, &device)?;
         angles::check(experiment, table, &device)?;
-        let angle = table.angles.iter().next().and_then(|(angle, _)| device.state(angle));
+        let angles = table.angles.iter().filter_map(|(angle, _)| device.state(angle)).collect();
+        let rates = table.angles.iter().filter_map(|(_, rate)| device.state(rate.trim())).collect();
         let own = Self::with(device, values, between, &about).map_err(|error| refused(experiment, &error))?;
+        let axes = DrivenAxis::named(experiment, table, &own)?;
         let drive_cycles = table.oscillation.as_ref().map_or(1.0, OscillationTable::drive_cycles);
-        Ok(Self { bandwidths, ranges, angle, drive_cycles, ..own })
+        Ok(Self { bandwidths, ranges, angles, rates, axes, drive_cycles, ..own })
     }
 
     fn with(
@@ -112,7 +118,9 @@ impl OwnDevice {
             between,
             bandwidths: Vec::new(),
             ranges: Vec::new(),
-            angle: None,
+            angles: Vec::new(),
+            rates: Vec::new(),
+            axes: Vec::new(),
             drive_cycles: 1.0,
             hidden_signs,
         };
@@ -176,12 +184,12 @@ impl OwnDevice {
         let read = self.device.readout(0, &[]).ok();
         let first =
             read.and_then(|readout| readout.sparsity().find(|state| *state < self.device.own_states()));
-        self.angle.or(first).unwrap_or(0)
+        self.angles.first().copied().or(first).unwrap_or(0)
     }
 
     /// Whether it has an angle.
     pub fn has_angle(&self) -> bool {
-        self.angle.is_some()
+        !self.angles.is_empty()
     }
 
     /// The names of states that are exactly 0 at a place, in the middle of a symmetry of equations and signals, which they never leave.
@@ -192,15 +200,25 @@ impl OwnDevice {
         Some(names.map(|named| format!("`{}`", named.name)).collect::<Vec<_>>().join(" and "))
     }
 
-    /// Whether no signal tells the sign of its angle.
+    /// Whether no signal tells the sign of an angle.
     pub fn hides_angle(&self) -> bool {
-        let hidden = |angle: usize| self.hidden_signs.iter().any(|group| group.contains(&angle));
-        self.angle.is_some_and(hidden)
+        let hidden = |angle: &usize| self.hidden_signs.iter().any(|group| group.contains(angle));
+        self.angles.iter().any(hidden)
     }
 
-    /// Whether its states are one angle and its rate.
-    pub fn is_one_swing(&self) -> bool {
-        self.angle == Some(0) && self.device.states().len() == 2
+    /// Its angles that swing, each with its rate: the axes of the table's oscillation, or else the first angle.
+    pub fn swinging_angles(&self) -> Vec<[usize; 2]> {
+        if !self.axes.is_empty() {
+            return self.axes.iter().map(|axis| axis.states).collect();
+        }
+        self.angles.first().zip(self.rates.first()).map(|(angle, rate)| [*angle, *rate]).into_iter().collect()
+    }
+
+    /// How many swings its states are, each an angle and its rate behind it; 0 where there are others.
+    pub fn swings(&self) -> usize {
+        let named = if self.axes.is_empty() { self.angles.first().map_or(0, |_| 1) } else { self.axes.len() };
+        let in_order = self.angles.iter().take(named).copied().eq((0..named).map(|place| 2 * place));
+        if in_order && self.device.states().len() == 2 * named { named } else { 0 }
     }
 
     /// Its states, as trajectories name them.
@@ -245,8 +263,8 @@ pub struct EquationSettings {
     pub events: Vec<EventSettings>,
     /// The filters.
     pub filters: Vec<EquationFilterSettings>,
-    /// What is said of those filters that do without the low-passes that the readout has.
-    pub without_low_passes: Option<String>,
+    /// What is said of filters that do without something that the file states.
+    pub remarks: Vec<String>,
 }
 
 /// What the file says of one filter.
@@ -265,7 +283,7 @@ pub struct EquationFilterSettings {
     pub events: Vec<FilterEventUse>,
     /// The state that its measurement tells, where each sample is taken by itself.
     pub inverse: Option<Inverse>,
-    /// The oscillation that lines of its measurements tell, of each of them, where it is a lock-in.
+    /// The oscillations that lines of its measurements tell, of each of them and of each axis, where it asks for these.
     pub oscillations: Vec<MeasuredOscillation>,
     /// The states that it holds, by the table of a sine, because nothing in the file moves them.
     held: Vec<usize>,
@@ -303,15 +321,32 @@ impl EquationSettings {
         let sine = QuantitySine::of(&own, &table).map_err(|(key, why)| {
             experiment.error(Key::from("device.equations.sine").child(key), ConfigFault::Value { why })
         })?;
+        let unused = unused_deviations(&table, estimate);
         let known = FilterDevices::of(experiment, estimate, (table, &own))?;
         let of = |index| {
             let (table, own) = known.of_filter(experiment, estimate, index)?;
             EquationFilterSettings::of(experiment, estimate, (table, own, &events, sine.as_ref()), index)
         };
         let filters = (0..estimate.filters.len()).map(of).collect::<Result<_, _>>()?;
-        let without_low_passes = known.left_out(estimate);
-        Ok(Self { skip_s: estimate.skip.si(), signs, sine, events, filters, without_low_passes, own })
+        let remarks = known.left_out(estimate).into_iter().chain(unused).collect();
+        Ok(Self { skip_s: estimate.skip.si(), signs, sine, events, filters, remarks, own })
     }
+}
+
+/// Which filters state standard deviations of a start that the signal tells with its own, where some do.
+fn unused_deviations(table: &EquationsTable, estimate: &Estimate) -> Option<String> {
+    let unused = |filter: &&FilterTable| {
+        let from_signal = !matches!(filter.start, Some(FilterStart::Values(_)));
+        table.start_tells_itself && from_signal && !filter.start_sd.is_empty()
+    };
+    let names: Vec<String> =
+        estimate.filters.iter().filter(unused).map(|filter| format!("`{}`", filter.name)).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "the `start_sd` of {} is not used: a start from the signal brings its own standard deviations; leave it out",
+            names.join(", ")
+        )
+    })
 }
 
 /// The parameters that a filter may hold as uncertain: each by a factor, but for those whose deviation some filter of the
@@ -360,17 +395,22 @@ fn without_motion(
             let why = "an inversion is that of one measurement; name it".to_owned();
             Err(experiment.error(at.clone().child("channels"), ConfigFault::Value { why }))
         }
-        (Method::LockIn, _) if sine.is_none() => {
+        _ => {
             let table = experiment.device_in_terms_of::<EquationsTable>()?;
-            let of = |measure: &usize| MeasuredOscillation::of(own, &table, *measure);
-            Ok((None, chosen.iter().map(of).collect::<Result<_, _>>().map_err(refused)?))
+            let axes = own.axes.len().max(1);
+            let all = chosen.iter().flat_map(|measure| (0..axes).map(|axis| (*measure, axis)));
+            let of = |place| MeasuredOscillation::of(own, &table, place);
+            let all = match filter.method {
+                Method::LockIn if sine.is_none() => all.map(of).collect::<Result<_, _>>().map_err(refused)?,
+                // A gain that turns with the swing takes that from the signal, and so does the search for a start of several axes, where the table says
+                // what a line means.
+                method if method.has_fixed_gain() && own.swings() > 0 || axes > 1 => {
+                    all.map(of).collect::<Result<_, _>>().unwrap_or_default()
+                }
+                _ => Vec::new(),
+            };
+            Ok((None, all))
         }
-        // A gain that turns with the swing takes that from the signal, where the table says what a line of it means.
-        (method, [measure]) if method.has_fixed_gain() && own.is_one_swing() => {
-            let table = experiment.device_in_terms_of::<EquationsTable>()?;
-            Ok((None, MeasuredOscillation::of(own, &table, *measure).into_iter().collect()))
-        }
-        _ => Ok((None, Vec::new())),
     }
 }
 
@@ -480,14 +520,13 @@ impl EquationFilterSettings {
             sd.fill(None);
         }
         let (noise_key, noise) = process_noise(experiment, &at, filter)?;
+        if claims {
+            require_noises(experiment, table, (&noise_key, noise))?;
+        }
         let density = some(experiment, &noise_key, noise, &names::densities(table, device))?;
         let is_moved = |state: &usize| density[*state].is_some() || sd[*state].is_some();
-        let held: Vec<usize> = sine
-            .map_or(&[][..], QuantitySine::held)
-            .iter()
-            .copied()
-            .filter(|state| claims && !is_moved(state))
-            .collect();
+        let held = sine.map_or(&[][..], QuantitySine::held).iter().copied();
+        let held: Vec<usize> = held.filter(|state| claims && !is_moved(state)).collect();
         let start = match start {
             None => {
                 let about = of("start_about", &filter.start_about, &entries)?;
@@ -643,6 +682,19 @@ impl EquationFilterSettings {
         let about = own.rest_about(&self.about());
         EquationModel::new(&own.device, &values, tracked, (&density, rule), (&own.rest, &about, own.pace()))
     }
+}
+
+/// Refuses a table of process noise in which a name of the device's own table is missing: what is left out would be none at all, which that has to say.
+fn require_noises(
+    experiment: &Experiment,
+    table: &EquationsTable,
+    (key, noise): (&Key, &Values),
+) -> Result<(), ConfigError> {
+    let Some((name, _)) = table.noise_keys.iter().find(|(name, _)| !noise.contains_key(*name)) else {
+        return Ok(());
+    };
+    let remedy = format!("write the density, such as `{name} = \"1e4 rad^2/s^3\"`; 0 for none");
+    Err(experiment.error(key.clone().child(name), ConfigFault::MissingKey { remedy }))
 }
 
 /// That a state's standard deviation at the start is missing.

@@ -5,8 +5,8 @@ use super::model::EquationModel;
 use super::segment::EquationFilterTask;
 use super::settings::{OwnDevice, modes_of};
 use crate::estimate::{
-    BatchStart, EstimateError, SignalStart, StartAgain, StartSearch, StatePrior, rows_for_start,
-    rows_to_start_again, start_again_from_signal, start_from_signal,
+    BatchStart, EstimateError, HiddenSwing, MeanAndCovariance, SignalStart, StartAgain, StartSearch,
+    StatePrior, rows_for_start, rows_to_start_again, start_again_from_signal, start_from_signal,
 };
 use kalmems_equations::{MOST_STATES, Mode, shape};
 use std::f64::consts::TAU;
@@ -82,10 +82,11 @@ fn search(own: &OwnDevice, prior: Vec<StatePrior>) -> StartSearch {
     let shapes = slowest.into_iter().take(MOST_SHAPES);
     search.shapes = shapes.filter_map(|mode| shape(&free.linear, states, mode)).collect();
     let known: Vec<(usize, usize)> = motion.sparsity().collect();
-    search.mirrored = groups(own.device.own_states().min(states), &known);
-    // Of an angle whose sign no signal tells either is taken: an experiment states it afterwards, or it is said to be arbitrary.
-    let is_hidden = |group: &Vec<usize>| own.hidden_signs.contains(group);
-    search.is_symmetric = own.hides_angle() && search.mirrored.iter().all(is_hidden);
+    let own_states = own.device.own_states().min(states);
+    // Of angles whose signs no signal tells either is taken: an experiment states it afterwards, or it is said to be arbitrary.
+    let is_hidden = |state: usize| own.hidden_signs.iter().any(|group| group.contains(&state));
+    search.is_symmetric = own.hides_angle() && (0..own_states).all(is_hidden);
+    search.mirrored = if search.is_symmetric { own.hidden_signs.clone() } else { groups(own_states, &known) };
     search
 }
 
@@ -126,7 +127,8 @@ impl EquationFilterTask<'_> {
         }
         let Some(prior) = self.filter.prior() else { return Ok(None) };
         let cycle_s = cycle_s(self.own, &prior);
-        let search = search(self.own, prior);
+        let mut search = search(self.own, prior);
+        search.seeds = self.shown_start()?.into_iter().collect();
         let states = self.filter.basics.states(&self.own.states());
         let of = SignalStart {
             place: self.data.place,
@@ -159,10 +161,52 @@ impl EquationFilterTask<'_> {
             rows_to_start_again((cycle_s(self.own, &prior), self.data.samples.interval_s), self.states());
         let rule = basics.reacquisition(self.data.motion.frequency_hz, self.data.start_s, rows)?;
         let search = search(self.own, prior);
-        Some(StartAgain::by(rule, move |rows, _| {
+        Some(StartAgain::by(rule, move |rows, held| {
+            let behind_s = self.data.time_s.get(rows.end).copied()?;
             let of = (self.data, &*self.own.between);
             let mut course = EquationCourse::new(model, of, (channels, &[]), steps);
-            start_again_from_signal(&mut course, rows, &search, &basics.readout)
+            let found = start_again_from_signal(&mut course, rows, &search, &basics.readout)?;
+            Some(self.with_the_signs_before(found, behind_s, held))
+        }))
+    }
+
+    /// What is known at a time in s, with the signs that the swings had before which no signal tells: a drive holds the phases of the motion, and so its signs.
+    fn with_the_signs_before(
+        &self,
+        mut known: MeanAndCovariance,
+        time_s: f64,
+        held: (f64, &[f64]),
+    ) -> MeanAndCovariance {
+        if !self.data.motion.is_driven {
+            return known;
+        }
+        for ([angle, rate], motion_hz) in self.own.swinging_angles().into_iter().zip(self.motions_hz()) {
+            let Some(mirrored) = self.own.hidden_signs.iter().find(|group| group.contains(&angle)) else {
+                continue;
+            };
+            let swing = HiddenSwing { states: [angle, rate], rate: TAU * motion_hz, mirrored };
+            known = swing.with_the_sign_before(known, time_s, held);
+        }
+        known
+    }
+
+    /// The state of the first sample as the lines of several axes in the signal show it, where the table says what they mean. Of an axis that stands still every
+    /// small motion has the same likelihood: that is refused.
+    fn shown_start(&self) -> Result<Option<Vec<f64>>, EstimateError> {
+        let (Some(_), Some(first_s)) = (self.data.sines, self.data.time_s.first()) else { return Ok(None) };
+        let shown = self.first_swings(&[]).map_err(|why| EstimateError::NoStart {
+            place: self.data.place.to_owned(),
+            filter: self.filter.basics.name.clone(),
+            why: why.to_string(),
+        })?;
+        Ok(shown.map(|swings| {
+            let mut state = self.own.rest.clone();
+            for (axis, swing) in self.own.axes.iter().zip(swings) {
+                for (place, value) in axis.states.into_iter().zip(swing.at(*first_s)) {
+                    state[place] = value;
+                }
+            }
+            state
         }))
     }
 

@@ -1,13 +1,13 @@
-//! The scanner of one axis as differential equations, and where their parameters stand in its table.
+//! The scanner of one axis or two as differential equations, and where their parameters stand in its table.
 
-use super::device::SharedScanner;
+use super::device::{GaussianCombTable, Resonator, SecondAxis, SharedScanner};
 use super::settings::DRIVE_GAIN;
 use crate::Expansion;
 use crate::config::{ConfigError, Experiment, OtherTerms, Quantity};
 use crate::equations::{Demodulator, EquationsTable, meant};
 use std::sync::Arc;
 
-/// The tables that are the same for every experiment.
+/// The tables that are the same for every experiment with one axis.
 const MOTION: &str = "
 [device.equations.derivative]
 angle = \"rate\"
@@ -48,31 +48,120 @@ pub enum LowPasses {
     LeftOut,
 }
 
+/// The tables that are the same for every experiment with two axes. Each angle mirrored is a motion as well, with the same signal.
+const TWO_AXES: &str = "
+[device.equations.derivative]
+angle_x = \"rate_x\"
+rate_x = \"(torque_x - damping_x*rate_x - stiffness_x*angle_x)/inertia_x\"
+angle_y = \"rate_y\"
+rate_y = \"(torque_y - damping_y*rate_y - stiffness_y*angle_y)/(inertia_y + gimbal*sin(angle_x)^2)\"
+
+[device.equations.oscillation]
+of = [\"angle_x\", \"angle_y\"]
+harmonic = 2
+drive_cycles = 2
+
+[device.equations.angles]
+angle_x = \"rate_x\"
+angle_y = \"rate_y\"
+";
+
+/// The capacitances and torques of two axes, which the inertia of the gimbal couples.
+const COUPLED: [(&str, &str); 6] = [
+    ("capacitance_x", "gaussian_comb(angle_x, nominal_capacitance_x, angular_width_x, bias_capacitance_x)"),
+    ("capacitance_y", "gaussian_comb(angle_y, nominal_capacitance_y, angular_width_y, bias_capacitance_y)"),
+    ("square", "(drive_gain*drive)^2 + carrier_square"),
+    ("swing", "gimbal*sin(angle_x)*cos(angle_x)"),
+    ("torque_x", "electrostatic_force(d(capacitance_x, angle_x), square) + swing*rate_y^2"),
+    ("torque_y", "electrostatic_force(d(capacitance_y, angle_y), square) - 2*swing*rate_x*rate_y"),
+];
+
+/// What one axis is made of, under the names of its parameters.
+fn axis_numbers(
+    names: [&'static str; 6],
+    (resonator, comb): (&Resonator, &GaussianCombTable),
+) -> [(&'static str, f64, &'static str); 6] {
+    let values = [
+        (resonator.inertia.si(), "kg m^2"),
+        (resonator.damping.si(), "N m s"),
+        (resonator.stiffness.si(), "N m"),
+        (comb.nominal_capacitance.si(), "F"),
+        (comb.angular_width.si(), "rad"),
+        (comb.bias_capacitance.si(), "F"),
+    ];
+    std::array::from_fn(|k| (names[k], values[k].0, values[k].1))
+}
+
+/// Drive and readout, which are those of all axes, and what the square of the carrier is.
+fn shared_numbers(
+    device: &SharedScanner,
+    all: &mut Vec<(&'static str, f64, &'static str)>,
+) -> (&'static str, &'static str) {
+    all.extend([
+        ("drive_gain", 1.0, ""),
+        ("gain", device.readout.gain.si(), "V/F"),
+        ("offset", device.readout.offset.si(), "V"),
+        ("noise_variance", device.readout.noise_variance.si(), "V^2"),
+    ]);
+    if device.carrier.included_in_drive {
+        return ("carrier_square", "0[V^2]");
+    }
+    all.push(("carrier_amplitude", device.carrier.amplitude.si(), "V"));
+    ("carrier_square", "carrier_amplitude^2/2")
+}
+
+/// The equations of the filters of two axes.
+fn both_axes(device: &SharedScanner, second: &SecondAxis) -> Expansion {
+    let mut all = Expansion {
+        noise: vec![("angular_acceleration_x", "rate_x"), ("angular_acceleration_y", "rate_y")],
+        ..Expansion::default()
+    };
+    let states = [("angle_x", "rad"), ("rate_x", "rad/s"), ("angle_y", "rad"), ("rate_y", "rad/s")];
+    all.table("states", &states);
+    all.table("inputs", &[("drive", "V")]);
+    let of_x = [
+        "inertia_x",
+        "damping_x",
+        "stiffness_x",
+        "nominal_capacitance_x",
+        "angular_width_x",
+        "bias_capacitance_x",
+    ];
+    let of_y = [
+        "inertia_y",
+        "damping_y",
+        "stiffness_y",
+        "nominal_capacitance_y",
+        "angular_width_y",
+        "bias_capacitance_y",
+    ];
+    let mut parameters = axis_numbers(of_x, (&device.resonator, &device.comb)).to_vec();
+    parameters.extend(axis_numbers(of_y, (&second.resonator, &second.comb)));
+    parameters.push(("gimbal", second.gimbal_inertia.as_ref().map_or(0.0, Quantity::si), "kg m^2"));
+    let mut lets = vec![shared_numbers(device, &mut parameters)];
+    lets.extend(COUPLED);
+    all.numbers("parameters", &parameters);
+    all.table("let", &lets);
+    all.text.push_str(TWO_AXES);
+    all.table("measure", &[("signal", "gain*(capacitance_x + capacitance_y) + offset in V")]);
+    all.table("noise", &[("signal", "noise_variance")]);
+    all
+}
+
 /// The equations of its filters.
 pub fn motion(device: &SharedScanner, low_passes: LowPasses) -> Expansion {
+    if let Some(second) = &device.second_axis {
+        return both_axes(device, second);
+    }
     let followed = device.readout.poles.as_ref().filter(|_| low_passes == LowPasses::Followed);
     let delay_s = device.readout.delay.as_ref().map_or(0.0, Quantity::si);
     let mut all = Expansion { noise: vec![("angular_acceleration", "rate")], ..Expansion::default() };
     all.table("states", &[("angle", "rad"), ("rate", "rad/s")]);
     all.table("inputs", &[("drive", "V")]);
-    let mut parameters = vec![
-        ("inertia", device.resonator.inertia.si(), "kg m^2"),
-        ("damping", device.resonator.damping.si(), "N m s"),
-        ("stiffness", device.resonator.stiffness.si(), "N m"),
-        ("nominal_capacitance", device.comb.nominal_capacitance.si(), "F"),
-        ("angular_width", device.comb.angular_width.si(), "rad"),
-        ("bias_capacitance", device.comb.bias_capacitance.si(), "F"),
-        ("drive_gain", 1.0, ""),
-        ("gain", device.readout.gain.si(), "V/F"),
-        ("offset", device.readout.offset.si(), "V"),
-        ("noise_variance", device.readout.noise_variance.si(), "V^2"),
-    ];
-    let carrier_square = if device.carrier.included_in_drive {
-        "0[V^2]"
-    } else {
-        parameters.push(("carrier_amplitude", device.carrier.amplitude.si(), "V"));
-        "carrier_amplitude^2/2"
-    };
+    let names =
+        ["inertia", "damping", "stiffness", "nominal_capacitance", "angular_width", "bias_capacitance"];
+    let mut parameters = axis_numbers(names, (&device.resonator, &device.comb)).to_vec();
+    let carrier_square = shared_numbers(device, &mut parameters);
     if let Some(poles) = followed {
         let [first, second] = poles.each_ref().map(Quantity::si);
         parameters.extend([("first_pole", first, "Hz"), ("second_pole", second, "Hz")]);
@@ -81,7 +170,7 @@ pub fn motion(device: &SharedScanner, low_passes: LowPasses) -> Expansion {
         parameters.push(("readout_delay", delay_s, "s"));
     }
     all.numbers("parameters", &parameters);
-    let mut lets = vec![("carrier_square", carrier_square)];
+    let mut lets = vec![carrier_square];
     lets.extend(LETS);
     let mut seen = "gain*capacitance + offset in V";
     if delay_s > 0.0 {
@@ -117,10 +206,16 @@ pub fn in_other_terms(device: &SharedScanner) -> Result<OtherTerms, ConfigError>
         meant.start_tells_itself = true;
         Ok(meant)
     };
-    let followed = device.readout.poles.as_ref().map(|_| table(LowPasses::Followed)).transpose()?;
+    let poles = device.readout.poles.as_ref().filter(|_| device.second_axis.is_none());
+    let followed = poles.map(|_| table(LowPasses::Followed)).transpose()?;
+    let two = device.second_axis.is_some();
     let demodulator = Demodulator {
         device: followed.map(Arc::new),
-        remedy: "the device's readout states no `poles`; add them, such as `poles = [\"31.35 kHz\", \"31.35 kHz\"]`, or leave `demodulator` out",
+        remedy: if two {
+            "with two axes the demodulator's stages are no states; leave it out"
+        } else {
+            "the device's readout states no `poles`; add them, such as `poles = [\"31.35 kHz\", \"31.35 kHz\"]`, or leave `demodulator` out"
+        },
     };
     let mut table = table(LowPasses::LeftOut)?;
     table.demodulator = Some(demodulator);
@@ -130,12 +225,19 @@ pub fn in_other_terms(device: &SharedScanner) -> Result<OtherTerms, ConfigError>
 /// Where a parameter of the equations stands in the device's table, with the power of it there.
 fn keys(parameter: &str) -> Vec<(&'static str, i32)> {
     let key = match parameter {
-        "inertia" => "resonator.inertia",
-        "damping" => "resonator.damping",
-        "stiffness" => "resonator.stiffness",
-        "nominal_capacitance" => "comb.nominal_capacitance",
-        "angular_width" => "comb.angular_width",
-        "bias_capacitance" => "comb.bias_capacitance",
+        "inertia" | "inertia_x" => "resonator.inertia",
+        "damping" | "damping_x" => "resonator.damping",
+        "stiffness" | "stiffness_x" => "resonator.stiffness",
+        "nominal_capacitance" | "nominal_capacitance_x" => "comb.nominal_capacitance",
+        "angular_width" | "angular_width_x" => "comb.angular_width",
+        "bias_capacitance" | "bias_capacitance_x" => "comb.bias_capacitance",
+        "inertia_y" => "second_axis.resonator.inertia",
+        "damping_y" => "second_axis.resonator.damping",
+        "stiffness_y" => "second_axis.resonator.stiffness",
+        "nominal_capacitance_y" => "second_axis.comb.nominal_capacitance",
+        "angular_width_y" => "second_axis.comb.angular_width",
+        "bias_capacitance_y" => "second_axis.comb.bias_capacitance",
+        "gimbal" => "second_axis.gimbal_inertia",
         "drive_gain" => return DRIVE_GAIN.to_vec(),
         "carrier_amplitude" => "carrier.amplitude",
         "gain" => "readout.gain",

@@ -17,8 +17,8 @@ mod settings;
 mod simulation;
 pub mod two_axes;
 
-use crate::config::{ConfigError, DriveSource, Experiment, RecordingRole};
-use crate::equations::Preset;
+use crate::config::{ConfigError, ConfigFault, DriveSource, Experiment, RecordingRole};
+use crate::equations::{Preset, PresetVariant};
 use crate::identify::{Identification, IdentifyError};
 use crate::outlook::Outlook;
 use crate::progress::Progress;
@@ -28,6 +28,13 @@ use device::SharedScanner;
 pub use outlook::CycleBound;
 use ring_down::RingDownSimulation;
 pub use settings::ScannerHardware;
+
+/// The scanner in a gimbal that the same electrode drives and senses.
+pub const SECOND_AXIS: PresetVariant<SharedScanner> = PresetVariant {
+    name: "shared_scanner.second_axis",
+    template: two_axes::TEMPLATE,
+    is_meant: |device| device.second_axis.is_some(),
+};
 
 impl Preset for SharedScanner {
     const TEMPLATE: Template = Template {
@@ -50,12 +57,13 @@ impl Preset for SharedScanner {
         Ok(equations::expanded(self, experiment))
     }
 
-    fn is_meant(&self) -> bool {
-        self.second_axis.is_none()
-    }
+    const VARIANTS: &'static [PresetVariant<Self>] = &[SECOND_AXIS];
 
     /// How late the readout may be of the motion, in steps of a two-thousandth of its cycle: as a whole, or by the poles of its demodulator.
     fn left_out(&self) -> Vec<OmittedNumber> {
+        if self.second_axis.is_some() {
+            return Vec::new();
+        }
         let late = |key, form, filter_switch| OmittedNumber {
             key,
             unit: "s",
@@ -71,6 +79,9 @@ impl Preset for SharedScanner {
     }
 
     fn simulation(experiment: &Experiment) -> Result<Option<Box<dyn Simulation>>, SimulateError> {
+        if experiment.device::<Self>()?.second_axis.is_some() {
+            return two_axes::simulation::simulation(experiment).map(Some);
+        }
         Ok(Some(match experiment.simulate.as_ref().map(|simulate| &simulate.drive) {
             Some(DriveSource::RingDown(drive)) => Box::new(RingDownSimulation::of(experiment, drive)?),
             Some(DriveSource::Regulated(_)) => Box::new(regulation::RegulatedSimulation::of(experiment)?),
@@ -79,10 +90,18 @@ impl Preset for SharedScanner {
     }
 
     fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Identification, IdentifyError> {
+        if experiment.device::<Self>()?.second_axis.is_some() {
+            let why = "ring-down and steady state tell the numbers of one axis; of two axes name what is sought, such as \
+                       `parameters = [\"resonator.stiffness\"]` in `[identify]`";
+            return Err(experiment.error("device", ConfigFault::Value { why: why.to_owned() }).into());
+        }
         identification::identify(experiment, progress)
     }
 
     fn outlook(experiment: &Experiment, of_equations: Outlook) -> Result<Outlook, SimulateError> {
+        if experiment.device::<Self>()?.second_axis.is_some() {
+            return two_axes::outlook::outlook(experiment, of_equations);
+        }
         outlook::outlook(experiment, of_equations)
     }
 }

@@ -4,23 +4,26 @@ mod smoothing;
 mod wrong_models;
 
 use kalmems::config::Experiment;
-use kalmems::estimate::driven::DrivenSegment;
-use kalmems::estimate::{EstimateError, Past, Trajectory, judge_lock};
+use kalmems::estimate::{EstimateError, Trajectory, judge_lock};
 use kalmems::progress::Silent;
+use kalmems::recording::SampledRecording;
 use kalmems::results::{
     Metrics, Output, RunInfo, Verdict, Work, estimate_figures, notices, summary_table, write_simulation,
 };
+use kalmems::rigs::Rig;
+use kalmems::rigs::equations::PresetRig;
 use kalmems::rigs::published;
+use kalmems::rigs::shared_scanner::SECOND_AXIS;
+use kalmems::rigs::shared_scanner::device::SharedScanner;
 use kalmems::rigs::shared_scanner::two_axes::{
-    BandPlan, LinePlace, PlannedDrive, ProtectedBand, TwoAxisHardware, TwoAxisSettings, TwoAxisStart,
-    estimate, first_tones, line_share,
+    BandPlan, LinePlace, PlannedDrive, ProtectedBand, TwoAxisHardware,
 };
-use kalmems::rigs::{Rig, shared_scanner::two_axes::TwoAxesRig};
 use kalmems::simulate::{Drive, Simulator, Tone, WhiteNoise, floquet_exponent};
 use kalmems::workflow;
-use kalmems_core::{Covariance, Measurement};
+use kalmems_core::Measurement;
 use kalmems_models::dynamics::{ParametricScanner, TwoAxisScanner};
 use std::f64::consts::{PI, TAU};
+use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
@@ -41,12 +44,58 @@ fn changed(changes: &[(&str, &str)]) -> Experiment {
     published().parse(&text, &path()).unwrap()
 }
 
-fn settings() -> TwoAxisSettings {
-    TwoAxisSettings::of(&changed(&[])).unwrap()
+fn rig() -> PresetRig<SharedScanner> {
+    PresetRig::of(&SECOND_AXIS)
 }
 
 fn hardware() -> TwoAxisHardware {
-    settings().hardware
+    TwoAxisHardware::of(&changed(&[])).unwrap()
+}
+
+/// What filters are told of the axes, in the example's place.
+#[derive(Clone, Copy)]
+struct Told {
+    /// Factors on the stiffnesses of x and y.
+    stiffness: [f64; 2],
+    /// A factor on the readout's gain.
+    gain: f64,
+    /// The density of the accelerations' noise in rad²/s³.
+    density: f64,
+    skip_s: f64,
+}
+
+const TRUTH: Told = Told { stiffness: [1.0; 2], gain: 1.0, density: 1e4, skip_s: 10e-3 };
+
+/// An experiment on `recording.csv` with these filters, as TOML tables.
+fn told(told: &Told, filters: &str) -> String {
+    let Told { stiffness: [x, y], gain, density, skip_s } = *told;
+    let text = std::fs::read_to_string(path()).unwrap();
+    let device = &text[..text.find("[simulate]").unwrap()];
+    let device = device
+        .replace("stiffness = \"1.10e-4 N m\"", &format!("stiffness = \"{:e} N m\"", 1.10e-4 * x))
+        .replace("stiffness = \"1.00e-4 N m\"", &format!("stiffness = \"{:e} N m\"", 1.00e-4 * y))
+        .replace("gain = \"-0.3574 V/pF\"", &format!("gain = \"{} V/pF\"", -0.3574 * gain));
+    let noise = format!("\"{density:e} rad^2/s^3\"");
+    format!(
+        "{device}[[recording]]
+role = \"test\"
+file = \"recording.csv\"
+clock = {{ column = \"time_s\" }}
+channels = {{ drive = \"drive_V\", signal = \"cap_V\" }}
+[estimate]
+skip = \"{skip_s:e} s\"
+first_peak = \"positive\"
+first_peak_y = \"positive\"
+process_noise = {{ angular_acceleration_x = {noise}, angular_acceleration_y = {noise} }}
+{filters}"
+    )
+}
+
+/// A filter that starts from the signal, with more lines.
+fn from_signal(name: &str, method: &str, lines: &str) -> String {
+    format!(
+        "[[estimate.filter]]\nname = \"{name}\"\nmethod = \"{method}\"\nstart = \"from_signal\"\n{lines}\n"
+    )
 }
 
 fn drive(volts: [f64; 2]) -> Drive {
@@ -55,6 +104,7 @@ fn drive(volts: [f64; 2]) -> Drive {
 }
 
 /// What would be recorded of a motion, and the motion: one sample per µs.
+#[derive(Clone)]
 struct Recorded {
     time_s: Vec<f64>,
     drive: Vec<f64>,
@@ -107,14 +157,23 @@ fn anywhere(seed: u64) -> [f64; 4] {
     [x[0], x[1], y[0], y[1]]
 }
 
-fn run(settings: &TwoAxisSettings, recorded: &Recorded) -> Vec<Trajectory> {
-    attempt(settings, recorded).unwrap()
+fn run(text: &str, recorded: &Recorded) -> Vec<Trajectory> {
+    attempt(text, recorded).unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn attempt(settings: &TwoAxisSettings, recorded: &Recorded) -> Result<Vec<Trajectory>, EstimateError> {
-    let data = DrivenSegment::new(&recorded.time_s, &recorded.drive, &recorded.signal, 1e-6);
-    let drive = first_tones(settings, &data, "test")?;
-    estimate(settings, ("test", &drive), &data, &mut Past::default(), &Silent)
+/// What the filters of an experiment make of a recording.
+fn attempt(text: &str, recorded: &Recorded) -> Result<Vec<Trajectory>, EstimateError> {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rows = String::from("time_s,drive_V,cap_V\n");
+    for ((time_s, drive), signal) in recorded.time_s.iter().zip(&recorded.drive).zip(&recorded.signal) {
+        writeln!(rows, "{time_s:.9},{drive:e},{signal:e}").unwrap();
+    }
+    let file = folder.path().join("recording.csv");
+    std::fs::write(&file, rows).unwrap();
+    let experiment = published().parse(text, &folder.path().join("experiment.toml")).unwrap();
+    let recording = SampledRecording::read(&file, &rig().layout(&experiment, 0).unwrap()).unwrap();
+    let found = rig().estimate(&experiment, 0, &recording, &Silent)?;
+    Ok(found.into_iter().next().unwrap().trajectories)
 }
 
 /// RMS angle errors in degrees of both axes over some samples, each axis mirrored as fits best.
@@ -273,38 +332,22 @@ fn suggested_drives_keep_their_stated_bands() {
 
 // ---- Start from the signal ----
 
-/// 2·e^{−z}·I₁(z) against the integral that it is.
-#[test]
-fn the_line_of_a_sine_through_the_comb() {
-    for relative in [0.05_f64, 0.4, 0.9, 1.5, 1.757] {
-        let n = 2000;
-        let sum: f64 = (0..n)
-            .map(|i| {
-                let psi = TAU * f64::from(i) / f64::from(n);
-                (-(relative * psi.sin()).powi(2)).exp() * (2.0 * psi).cos()
-            })
-            .sum();
-        assert!((2.0 * sum / f64::from(n) - line_share(relative)).abs() < 1e-13, "{relative}");
-    }
-    assert!(line_share(1.757) > line_share(1.74) && line_share(1.757) > line_share(1.78));
-}
-
 #[test]
 fn a_signal_that_determines_no_start_is_refused() {
-    let mut settings = settings();
-    settings.filters.truncate(1);
-    let still = record(settings.hardware.scanner, [0.15, 0.0, 0.0, 0.0], 0, 3000, 1);
-    let moving = record(settings.hardware.scanner, [0.15, 0.0, 0.1, 0.0], 0, 3000, 1);
-    let with = |change: &dyn Fn(&mut Recorded)| {
-        let mut recorded = record(settings.hardware.scanner, [0.15, 0.0, 0.1, 0.0], 0, 3000, 1);
-        change(&mut recorded);
-        attempt(&settings, &recorded).unwrap_err().to_string()
-    };
-    assert!(attempt(&settings, &moving).is_ok());
-    let refused = attempt(&settings, &still).unwrap_err().to_string();
-    assert!(refused.contains("axis y: its line in the signal"), "{refused}");
-    let loud = with(&|recorded| recorded.signal.iter_mut().for_each(|y| *y *= 10.0));
-    assert!(loud.contains("axis x: its line in the signal") && loud.contains("check gain"), "{loud}");
+    let text = told(&Told { skip_s: 1e-3, ..TRUTH }, &from_signal("EKF", "ekf", ""));
+    let scanner = hardware().scanner;
+    let still = record(scanner, [0.15, 0.0, 0.0, 0.0], 0, 3000, 1);
+    let moving = || record(scanner, [0.15, 0.0, 0.1, 0.0], 0, 3000, 1);
+    assert!(attempt(&text, &moving()).is_ok());
+    let refused = attempt(&text, &still).unwrap_err().to_string();
+    assert!(
+        refused.contains("`angle_y`: its line in the signal is") && refused.contains("it stands still"),
+        "{refused}"
+    );
+    let mut loud = moving();
+    loud.signal.iter_mut().for_each(|y| *y *= 10.0);
+    let loud = attempt(&text, &loud).unwrap_err().to_string();
+    assert!(loud.contains("`angle_x`: its line in the signal") && loud.contains("check gain"), "{loud}");
 }
 
 // ---- Estimate ----
@@ -330,20 +373,17 @@ type Model = (f64, f64);
 
 /// Starts from the signal, and starts that know nothing: the centre of what is possible, as wide as that is.
 fn locks(trials: u64, (stiffness_error, density): Model) -> [Locks; 2] {
-    let mut from_signal = settings();
-    from_signal.filters.truncate(1);
-    from_signal.filters[0].acceleration_density = [density; 2];
-    let truth = from_signal.hardware.scanner;
-    from_signal.hardware.scanner.x.resonator.stiffness *= 1.0 + stiffness_error;
-    from_signal.hardware.scanner.y.resonator.stiffness *= 1.0 + stiffness_error;
-    let mut blind = from_signal.clone();
-    let covariance = Covariance::from_standard_deviations([0.15, 15e3, 0.15, 6e3]);
-    blind.filters[0].start = TwoAxisStart::Given { mean: [0.05, 0.0, 0.05, 0.0], covariance };
+    let model = Told { stiffness: [1.0 + stiffness_error; 2], density, ..TRUTH };
+    let truth = hardware().scanner;
+    let blind = "[[estimate.filter]]\nname = \"EKF\"\nmethod = \"ekf\"\n\
+                 start = { angle_x = \"0.05 rad\", rate_x = \"0 rad/s\", angle_y = \"0.05 rad\", rate_y = \"0 rad/s\" }\n\
+                 start_sd = { angle_x = \"0.15 rad\", rate_x = \"15e3 rad/s\", angle_y = \"0.15 rad\", rate_y = \"6e3 rad/s\" }\n";
+    let texts = [told(&model, &from_signal("EKF", "ekf", "")), told(&model, blind)];
     let mut counts = [Locks::default(); 2];
     for seed in 0..trials {
         let recorded = record(truth, anywhere(seed), 0, 14_000, seed);
-        for (settings, count) in [&from_signal, &blind].into_iter().zip(&mut counts) {
-            let trajectory = &run(settings, &recorded)[0];
+        for (text, count) in texts.iter().zip(&mut counts) {
+            let trajectory = &run(text, &recorded)[0];
             let good = |range| errors(trajectory, &recorded, range).iter().all(|e| *e < 0.5);
             let locked = good(12_000..14_000);
             count.locked += usize::from(locked);
@@ -381,7 +421,8 @@ fn slow_starts_from_the_signal_lock_where_blind_ones_do_not() {
 
 /// The steady motion over several noises: angle and phase of both axes.
 fn accuracy(seeds: u64) -> [[f64; 2]; 2] {
-    let settings = settings();
+    let text = told(&TRUTH, &(from_signal("EKF", "ekf", "") + &from_signal("UKF", "ukf", "")));
+    let scanner = hardware().scanner;
     let mut found = [[vec![], vec![]], [vec![], vec![]]];
     for seed in 0..seeds {
         let mut start = [-0.117, -12.8e3, -0.082, -4.1e3];
@@ -394,8 +435,8 @@ fn accuracy(seeds: u64) -> [[f64; 2]; 2] {
             start[2] = -start[2];
             start[3] = -start[3];
         }
-        let recorded = record(settings.hardware.scanner, start, 20_000, 24_000, seed);
-        for (filter, trajectory) in run(&settings, &recorded).iter().enumerate() {
+        let recorded = record(scanner, start, 20_000, 24_000, seed);
+        for (filter, trajectory) in run(&text, &recorded).iter().enumerate() {
             assert!(trajectory.lock.held() && trajectory.failure.is_none(), "seed {seed}");
             let consistency = trajectory.consistency(trajectory.scored(8e-3)).unwrap();
             assert!((consistency.mean_nis - 1.0).abs() < 0.05, "{consistency:?}");
@@ -434,10 +475,9 @@ fn the_example_from_end_to_end() {
     let folder = tempfile::tempdir().unwrap();
     let target = folder.path().join("simulated");
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
-    let simulation = TwoAxesRig.simulate(&experiment).unwrap();
+    let simulation = rig().simulate(&experiment).unwrap();
     let output = Output::begin(&target, &Work::named("simulate", "two axes")).unwrap();
-    let summary =
-        write_simulation(&experiment, &TwoAxesRig, simulation.as_ref(), &output, info, &Silent).unwrap();
+    let summary = write_simulation(&experiment, &rig(), simulation.as_ref(), &output, info, &Silent).unwrap();
     output.commit().unwrap();
     assert!(summary.outlook.unwrap().contains("band plan: clear"));
     let simulated = published().load(&target.join("experiment.toml")).unwrap();
@@ -494,7 +534,7 @@ fn files_that_are_wrong_say_where() {
         (
             "\"from_signal\"\n\n",
             "{ angle_x = \"0.1 rad\", rate_x = \"0 rad/s\", angle_y = \"0 rad\", rate_y = \"0 rad/s\" }\nstart_sd = { angle_x = \"1 rad\" }\n\n",
-            "estimate.filter[0].start: angle and rate of y are exactly 0",
+            "estimate.filter[0].start: `angle_y` and `rate_y` are exactly 0",
         ),
         ("angular_acceleration_y = \"1e4 rad^2/s^3\"", "", "estimate.process_noise.angular_acceleration_y"),
         (
@@ -504,7 +544,7 @@ fn files_that_are_wrong_say_where() {
         ),
         ("method = \"ekf\"\n", "method = \"ekf\"\ndemodulator = true\n", "estimate.filter[0].demodulator"),
     ] {
-        let message = TwoAxisSettings::of(&changed(&[(from, to)])).unwrap_err().to_string();
+        let message = rig().wanted(&changed(&[(from, to)])).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
     }
 }
@@ -519,7 +559,7 @@ fn a_simulation_for_one_axis_is_refused() {
     let after = &tones[tones.find("# For `kalmems estimate`").unwrap()..];
     let message = |text: &str| {
         let experiment = published().parse(text, &path()).unwrap();
-        TwoAxesRig.simulate(&experiment).err().map(|error| error.to_string())
+        rig().simulate(&experiment).err().map(|error| error.to_string())
     };
     let refused = message(&format!("{before}{ring_down}{after}")).unwrap();
     assert!(refused.contains("simulate.drive.ring_down: a ring-down of two axes"), "{refused}");
@@ -542,9 +582,9 @@ fn a_lost_axis_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let target = folder.path().join("simulated");
     let info = || RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
-    let simulation = TwoAxesRig.simulate(&experiment).unwrap();
+    let simulation = rig().simulate(&experiment).unwrap();
     let output = Output::begin(&target, &Work::named("simulate", "two axes")).unwrap();
-    write_simulation(&experiment, &TwoAxesRig, simulation.as_ref(), &output, info, &Silent).unwrap();
+    write_simulation(&experiment, &rig(), simulation.as_ref(), &output, info, &Silent).unwrap();
     output.commit().unwrap();
     let simulated = published().load(&target.join("experiment.toml")).unwrap();
     let mut outcome = workflow::estimate(published(), &simulated, &Silent).unwrap();

@@ -12,6 +12,7 @@ mod input_rate;
 mod measured_devices;
 mod measured_outliers;
 mod own_angles;
+mod own_axes;
 mod own_circuit;
 mod own_commands;
 mod own_device;

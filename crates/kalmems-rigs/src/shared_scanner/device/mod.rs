@@ -47,9 +47,6 @@ impl DeviceDescription for SharedScanner {
     const SUMMARY: &'static str = "A scanner whose comb drives and senses at once.";
 
     fn in_other_terms(&self) -> Result<Option<OtherTerms>, (Key, String)> {
-        if self.second_axis.is_some() {
-            return Ok(None);
-        }
         let meant = equations::in_other_terms(self);
         meant.map(Some).map_err(|error| (Key::from("device.shared_scanner"), error.to_string()))
     }
@@ -57,13 +54,16 @@ impl DeviceDescription for SharedScanner {
     fn check(&self) -> Result<(), (Key, String)> {
         let ScannerHardware { scanner, delay_s, .. } = ScannerHardware::of_table(self);
         let longest_s = LONGEST_DELAY_RAD / scanner.resonator.natural_rate();
-        if delay_s <= longest_s {
+        let why = if self.second_axis.is_some() && delay_s > 0.0 {
+            "a scanner with two axes is read without a delay; leave `delay` out".to_owned()
+        } else if delay_s > longest_s {
+            format!(
+                "filters read the angle that was by the motion that is, up to an eighth of a cycle back; write at most `{:.2} us`",
+                longest_s * 1e6
+            )
+        } else {
             return Ok(());
-        }
-        let why = format!(
-            "filters read the angle that was by the motion that is, up to an eighth of a cycle back; write at most `{:.2} us`",
-            longest_s * 1e6
-        );
+        };
         let key = ["shared_scanner", "readout", "delay"].into_iter().fold(Key::from("device"), Key::child);
         Err((key, why))
     }

@@ -1,6 +1,6 @@
 //! The device with its second axis, in SI.
 
-use crate::config::{ConfigError, ConfigFault, Experiment, Key, Quantity};
+use crate::config::{ConfigError, ConfigFault, Experiment, Quantity};
 use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::settings;
 use kalmems_models::capacitance::GaussianComb;
@@ -27,12 +27,6 @@ impl TwoAxisHardware {
             let remedy = "add the table `[device.shared_scanner.second_axis]`".to_owned();
             return Err(experiment.error("device", ConfigFault::MissingKey { remedy }));
         };
-        if first.delay_s > 0.0 {
-            let why = "a scanner with two axes is read without a delay; leave `delay` out".to_owned();
-            let key =
-                ["shared_scanner", "readout", "delay"].into_iter().fold(Key::from("device"), Key::child);
-            return Err(experiment.error(key, ConfigFault::Value { why }));
-        }
         let comb = GaussianComb {
             nominal: second.comb.nominal_capacitance.si(),
             angular_width: second.comb.angular_width.si(),

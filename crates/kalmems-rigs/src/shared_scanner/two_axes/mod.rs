@@ -6,24 +6,28 @@
 //! motion is calibrated by itself.
 
 mod band_plan;
-mod expanded;
-mod filters;
-pub(super) mod hardware;
-mod lock_in;
-mod outlook;
-mod plant;
-mod rig;
-mod run;
-mod segment;
-mod settings;
-mod simulation;
-mod tones;
+pub mod hardware;
+pub(super) mod outlook;
+pub(super) mod simulation;
 
+use crate::{Template, TemplateChannel};
 pub use band_plan::{BandPlan, CombinationLine, Conflict, LinePlace, PlannedDrive, ProtectedBand};
-pub use filters::{STATES, TwoAxisFilterSettings, TwoAxisStart};
 pub use hardware::TwoAxisHardware;
-pub use lock_in::{LineError, line_share};
-pub use rig::TwoAxesRig;
-pub use segment::{estimate, first_tones};
-pub use settings::TwoAxisSettings;
-pub use tones::DriveTones;
+
+/// What an experiment with both axes begins from.
+pub const TEMPLATE: Template = Template {
+    text: include_str!("template.toml"),
+    channels: &[TemplateChannel::DRIVE, TemplateChannel::SIGNAL],
+    references: &[
+        TemplateChannel::optional(
+            "angle_x",
+            ("the angle of x, measured otherwise", "rad"),
+            &["angle_x", "theta_x", "x"],
+        ),
+        TemplateChannel::optional(
+            "angle_y",
+            ("the angle of y, measured otherwise", "rad"),
+            &["angle_y", "theta_y", "y"],
+        ),
+    ],
+};

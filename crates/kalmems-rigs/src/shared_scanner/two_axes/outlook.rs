@@ -7,7 +7,7 @@ use crate::outlook::{Outlook, OutlookTopic};
 use crate::simulate::{SimulateError, drive_of};
 
 /// The resonances under the drive, whether each axis starts, and which lines come near which bands.
-pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
+pub fn outlook(experiment: &Experiment, of_equations: Outlook) -> Result<Outlook, SimulateError> {
     let hardware = TwoAxisHardware::of(experiment)?;
     let drive = experiment.simulate.as_ref().map(|simulate| drive_of(experiment, simulate)).transpose()?;
     let planned = drive.and_then(|(drive, _)| PlannedDrive::of(&drive));
@@ -21,11 +21,9 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     };
     let sign = "The sign of each motion is not observable: with θ of either axis also −θ moves the device and reads \
                 the same. It is calibrated once for each axis.";
-    Ok(Outlook::of(
-        experiment,
-        "shared_scanner with a second axis",
-        vec![topic, OutlookTopic::new("What the signal determines").with("sign", [], sign)],
-    ))
+    let mut topics = vec![topic, OutlookTopic::new("What the signal determines").with("sign", [], sign)];
+    topics.extend(of_equations.topics);
+    Ok(Outlook::of(experiment, "shared_scanner with a second axis", topics))
 }
 
 fn planned_topic(plan: &BandPlan) -> OutlookTopic {

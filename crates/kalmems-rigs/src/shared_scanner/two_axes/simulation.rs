@@ -2,11 +2,13 @@
 
 use super::band_plan::{BandPlan, PlannedDrive};
 use super::hardware::TwoAxisHardware;
-use super::settings::state_at;
-use crate::config::{ConfigError, ConfigFault, DriveSource, Experiment, Simulate, Values};
+use crate::config::{
+    ConfigError, ConfigFault, DriveSource, ExpectedEntry, Experiment, Sign, Simulate, Values,
+};
 use crate::shared_scanner::device::SharedScanner;
 use crate::shared_scanner::simulation::{NoisyReadout, ScannerSimulation};
 use crate::simulate::{Drive, SimulateError, SimulatedColumn, Simulation};
+use crate::units::kind;
 
 /// The simulation of both axes: the truth is angle and rate of each.
 pub fn simulation(experiment: &Experiment) -> Result<Box<dyn Simulation>, SimulateError> {
@@ -50,4 +52,22 @@ fn refuse_what_is_for_one_axis(experiment: &Experiment) -> Result<(), ConfigErro
         return Ok(());
     };
     Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }))
+}
+
+/// A state to simulate from; refused where both axes lie exactly still.
+fn state_at(experiment: &Experiment, key: &str, values: &Values) -> Result<[f64; 4], ConfigError> {
+    let entry = |name, kind| ExpectedEntry::new(name, kind, Sign::Any);
+    let entries = [
+        entry("angle_x", &kind::ANGLE),
+        entry("rate_x", &kind::ANGULAR_RATE),
+        entry("angle_y", &kind::ANGLE),
+        entry("rate_y", &kind::ANGULAR_RATE),
+    ];
+    let state = experiment.values(key, values, entries)?;
+    if state == [0.0; 4] {
+        let why = "all of it is exactly 0, where neither axis would ever move; start from a small angle, such as \
+                   `angle_x = \"1e-6 rad\"`";
+        return Err(experiment.error(key, ConfigFault::Value { why: why.to_owned() }));
+    }
+    Ok(state)
 }

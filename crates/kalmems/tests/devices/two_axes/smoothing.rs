@@ -1,19 +1,13 @@
 //! What later samples add to both axes.
 
-use super::{Recorded, changed, errors, record, run};
-use kalmems::rigs::shared_scanner::two_axes::TwoAxisSettings;
+use super::{Recorded, TRUTH, Told, errors, from_signal, record, run, told};
 
 /// The example's EKF, smoothed over all of the recording and by 300 µs, its stiffness of x 0.3 % wrong and a state.
-fn smoothed(skip_s: f64) -> TwoAxisSettings {
-    let lines = "start = \"from_signal\"\nsmooth = true\nsmooth_lag = \"300 us\"\n\
-                 states = { stiffness_x = { start_sd = \"1 %\", drift = \"1e-7 1/s\" } }\n\n[[estimate.filter]]\n";
-    let mut settings =
-        TwoAxisSettings::of(&changed(&[("start = \"from_signal\"\n\n[[estimate.filter]]\n", lines)]))
-            .unwrap();
-    settings.filters.truncate(1);
-    settings.hardware.scanner.x.resonator.stiffness *= 1.003;
-    settings.skip_s = skip_s;
-    settings
+fn smoothed(skip_s: f64, density: f64) -> String {
+    let lines = "smooth = true\nsmooth_lag = \"300 us\"\n\
+                 states = { stiffness_x = { start_sd = \"1 %\", drift = \"1e-7 1/s\" } }\n";
+    let model = Told { stiffness: [1.003, 1.0], skip_s, density, ..TRUTH };
+    told(&model, &from_signal("EKF", "ekf", lines))
 }
 
 fn moving(samples: usize) -> Recorded {
@@ -23,8 +17,8 @@ fn moving(samples: usize) -> Recorded {
 /// The smoothed state of sample k with a lag of L is what smoothing all of a recording that ends at k + L says.
 #[test]
 fn a_fixed_lag_of_both_axes_equals_the_smoother_of_a_shorter_recording() {
-    let (settings, long) = (smoothed(1e-3), moving(5000));
-    let [_, whole, lagged] = <[_; 3]>::try_from(run(&settings, &long)).unwrap();
+    let (text, long) = (smoothed(1e-3, 1e4), moving(5000));
+    let [_, whole, lagged] = <[_; 3]>::try_from(run(&text, &long)).unwrap();
     assert_eq!((whole.key.as_str(), lagged.key.as_str()), ("ekf_smoothed", "ekf_lagged"));
     for end in [4000, 4777] {
         let cut = |values: &[f64]| values[..end].to_vec();
@@ -34,7 +28,7 @@ fn a_fixed_lag_of_both_axes_equals_the_smoother_of_a_shorter_recording() {
             signal: cut(&long.signal),
             states: long.states.clone(),
         };
-        let shorter = run(&settings, &short);
+        let shorter = run(&text, &short);
         let k = end - 1 - 300;
         for (a, b) in shorter[1].states.iter().zip(&lagged.states) {
             let off = (a.mean[k] - b.mean[k]) / a.sd[k];
@@ -49,8 +43,8 @@ fn a_fixed_lag_of_both_axes_equals_the_smoother_of_a_shorter_recording() {
 /// The stiffness that is told wrong is found.
 #[test]
 fn a_wrong_stiffness_of_one_axis_is_found() {
-    let (settings, recorded) = (smoothed(6e-3), moving(12_000));
-    let [filtered, whole, _] = <[_; 3]>::try_from(run(&settings, &recorded)).unwrap();
+    let (text, recorded) = (smoothed(6e-3, 1e4), moving(12_000));
+    let [filtered, whole, _] = <[_; 3]>::try_from(run(&text, &recorded)).unwrap();
     // Not before 1000: over the samples of the start its own answer stands, which later ones do not change.
     for (trajectory, k) in [(&filtered, 11_999), (&whole, 1000)] {
         let state = trajectory.state("stiffness_x").unwrap();
@@ -69,9 +63,8 @@ fn a_wrong_stiffness_of_one_axis_is_found() {
 /// much as the standard deviations say.
 #[test]
 fn later_samples_help_both_axes() {
-    let (mut settings, recorded) = (smoothed(2e-3), moving(6_000));
-    settings.filters[0].acceleration_density = [1e8; 2];
-    let trajectories = run(&settings, &recorded);
+    let (text, recorded) = (smoothed(2e-3, 1e8), moving(6_000));
+    let trajectories = run(&text, &recorded);
     let over = 2_000..5_000;
     let [online, whole, lagged] = [0, 1, 2].map(|i| errors(&trajectories[i], &recorded, over.clone()));
     println!("online {online:?} deg, smoothed {whole:?} deg, with a lag of 300 us {lagged:?} deg");

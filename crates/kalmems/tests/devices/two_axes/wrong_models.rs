@@ -2,13 +2,10 @@
 //!
 //!     cargo test --release --workspace --test trust -- --ignored slow_wrong_models --nocapture
 
-use super::{DRIVES_HZ, Recorded, STEPS, hardware, path, recorded, uniforms};
-use kalmems::estimate::driven::DrivenSegment;
-use kalmems::estimate::{Past, Trajectory};
+use super::{DRIVES_HZ, Recorded, STEPS, Told, from_signal, hardware, recorded, run, told, uniforms};
+use kalmems::estimate::Trajectory;
 use kalmems::evaluate::{Accuracy, ComparisonExtent, ReferenceMotion, evaluate_motion};
-use kalmems::progress::{Interruption, Silent};
-use kalmems::rigs::published;
-use kalmems::rigs::shared_scanner::two_axes::{TwoAxisSettings, estimate, first_tones};
+use kalmems::progress::Interruption;
 use kalmems::simulate::{Drive, Simulator, Tone};
 use kalmems_core::augmentation::{AddedState, Augmented, AugmentedMeasurement, Drift};
 use kalmems_core::bound::CramerRao;
@@ -25,20 +22,24 @@ const STIFFNESS_Y: Parameter = ("stiffness_y", Some("scanner.y.resonator.stiffne
 const DRIVE_GAIN: Parameter = ("drive_gain", Some("drive_gain"), None, 0.02, 1e-8);
 const GAIN: Parameter = ("gain", None, Some("gain"), 0.05, 1e-8);
 
-/// What the filters are told: factors on the truth.
+/// What the filters are told, and a factor on the drive.
 #[derive(Clone, Copy)]
-struct Told {
-    stiffness: [f64; 2],
+struct Wrong {
+    model: Told,
     drive: f64,
-    gain: f64,
 }
 
-const TRUTH: Told = Told { stiffness: [1.0; 2], drive: 1.0, gain: 1.0 };
+const TRUTH: Wrong = Wrong { model: super::TRUTH, drive: 1.0 };
+
+/// Wrong by a factor on a stiffness of either axis, on the drive, and on the readout's gain.
+const fn wrong(stiffness: [f64; 2], drive: f64, gain: f64) -> Wrong {
+    Wrong { model: Told { stiffness, gain, ..super::TRUTH }, drive }
+}
 
 /// Something that is told wrong, and the bound of a filter that has states for it.
 struct Case {
     name: &'static str,
-    told: Told,
+    told: Wrong,
     tracked: Vec<Parameter>,
     bound: fn(&Recorded, &Drive) -> [Reached; 2],
 }
@@ -63,8 +64,8 @@ const SEEDS: u64 = 16;
 const SKIP_S: f64 = 10e-3;
 const SAMPLES: usize = 24_000;
 const RATE_HZ: f64 = 1e6;
-/// The density of the accelerations in the filters, in rad²/s³; one of them has a larger one and leans on the signal.
-const DENSITY: f64 = 1e4;
+/// The density of the accelerations in the filters, in rad²/s³, as the experiment has it; one of them has a larger one and leans on the signal.
+const DENSITY: f64 = super::TRUTH.density;
 
 /// The drives of the example with 5 % less or more of each and any phase, after 60 ms.
 fn simulated(seed: u64) -> (Drive, Recorded) {
@@ -82,30 +83,21 @@ fn simulated(seed: u64) -> (Drive, Recorded) {
     (drive, recorded)
 }
 
-/// The filters of a case.
-fn settings(case: &Case) -> TwoAxisSettings {
+/// The experiment of a case.
+fn experiment(case: &Case) -> String {
     let mut states = String::new();
     for (name, .., sd, drift) in &case.tracked {
         let comma = if states.is_empty() { "" } else { ", " };
         let _ = write!(states, "{comma}{name} = {{ start_sd = \"{sd}\", drift = \"{drift:e} 1/s\" }}");
     }
     let leaning = "process_noise = { angular_acceleration_x = \"1e8 rad^2/s^3\", angular_acceleration_y = \"1e8 rad^2/s^3\" }";
-    let start = "start = \"from_signal\"\n";
-    let table = |name: &str, lines: &str| {
-        format!("[[estimate.filter]]\nname = \"{name}\"\nmethod = \"ekf\"\n{start}{lines}\n")
+    let with = from_signal("with", "ekf", &format!("states = {{ {states} }}\nsmooth = true\n"));
+    let without = if case.tracked.is_empty() {
+        String::new()
+    } else {
+        from_signal("without", "ekf", "") + &from_signal("leaning", "ekf", leaning)
     };
-    let with = table("with", &format!("states = {{ {states} }}\nsmooth = true\n"));
-    let filters = with + &table("without", "") + &table("leaning", leaning);
-    let text = std::fs::read_to_string(path()).unwrap();
-    let before = &text[..text.find("[[estimate.filter]]").unwrap()];
-    let mut settings =
-        TwoAxisSettings::of(&published().parse(&format!("{before}{filters}"), &path()).unwrap()).unwrap();
-    let hardware = &mut settings.hardware;
-    hardware.scanner.x.resonator.stiffness *= case.told.stiffness[0];
-    hardware.scanner.y.resonator.stiffness *= case.told.stiffness[1];
-    hardware.readout.gain *= case.told.gain;
-    settings.skip_s = SKIP_S;
-    settings
+    told(&case.told.model, &(with + &without))
 }
 
 /// The errors of both axes, each mirrored as fits.
@@ -186,9 +178,8 @@ fn bound<const A: usize, const N: usize>(
 
 /// With states, these smoothed, and without them, as they are and leaning on the signal.
 fn study(case: &Case, seeds: u64) -> Vec<(&'static str, Runs)> {
-    let mut settings = settings(case);
+    let text = experiment(case);
     let names: &[_] = if case.tracked.is_empty() {
-        settings.filters.truncate(1);
         &["without states", "without, smoothed"]
     } else {
         &["with states", "with, smoothed", "without", "without, q = 1e8"]
@@ -196,13 +187,9 @@ fn study(case: &Case, seeds: u64) -> Vec<(&'static str, Runs)> {
     let mut all: Vec<_> = names.iter().map(|name| (*name, Runs::default())).collect();
     for seed in 0..seeds {
         let (drive, recorded) = simulated(seed);
-        let told: Vec<f64> = recorded.drive.iter().map(|volts| volts * case.told.drive).collect();
         let bound = (case.bound)(&recorded, &drive);
-        let data = DrivenSegment::new(&recorded.time_s, &told, &recorded.signal, 1.0 / RATE_HZ);
-        let trajectories = {
-            let drive = first_tones(&settings, &data, case.name).unwrap();
-            estimate(&settings, (case.name, &drive), &data, &mut Past::default(), &Silent).unwrap()
-        };
+        let told = recorded.drive.iter().map(|volts| volts * case.told.drive).collect();
+        let trajectories = run(&text, &Recorded { drive: told, ..recorded.clone() });
         for ((_, runs), trajectory) in all.iter_mut().zip(&trajectories) {
             assert!(trajectory.failure.is_none(), "{}: {:?}", case.name, trajectory.failure);
             let reached = reached(trajectory, &recorded);
@@ -249,31 +236,31 @@ fn cases() -> Vec<Case> {
         Case { name: "nothing", told: TRUTH, tracked: vec![], bound: |r, d| bound::<0, 4>([], r, d) },
         Case {
             name: "stiffness of x by 0.3 %",
-            told: Told { stiffness: [1.003, 1.0], ..TRUTH },
+            told: wrong([1.003, 1.0], 1.0, 1.0),
             tracked: vec![STIFFNESS_X],
             bound: |r, d| bound::<1, 5>([STIFFNESS_X], r, d),
         },
         Case {
             name: "stiffness of y by 0.3 %",
-            told: Told { stiffness: [1.0, 1.003], ..TRUTH },
+            told: wrong([1.0, 1.003], 1.0, 1.0),
             tracked: vec![STIFFNESS_Y],
             bound: |r, d| bound::<1, 5>([STIFFNESS_Y], r, d),
         },
         Case {
             name: "drive by 1.5 %",
-            told: Told { drive: 1.015, ..TRUTH },
+            told: wrong([1.0; 2], 1.015, 1.0),
             tracked: vec![DRIVE_GAIN],
             bound: |r, d| bound::<1, 5>([DRIVE_GAIN], r, d),
         },
         Case {
             name: "readout's gain by 3 %",
-            told: Told { gain: 1.03, ..TRUTH },
+            told: wrong([1.0; 2], 1.0, 1.03),
             tracked: vec![GAIN],
             bound: |r, d| bound::<1, 5>([GAIN], r, d),
         },
         Case {
             name: "all four",
-            told: Told { stiffness: [1.003; 2], drive: 1.015, gain: 1.03 },
+            told: wrong([1.003; 2], 1.015, 1.03),
             tracked: vec![STIFFNESS_X, STIFFNESS_Y, DRIVE_GAIN, GAIN],
             bound: |r, d| bound::<4, 8>([STIFFNESS_X, STIFFNESS_Y, DRIVE_GAIN, GAIN], r, d),
         },
