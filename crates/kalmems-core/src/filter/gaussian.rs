@@ -1,6 +1,7 @@
 //! The state of knowledge, and the two steps that filters with a covariance share.
 
 use super::{Filter, Innovation, StateTransition};
+use crate::linalg::are_many;
 use crate::notation::{Zeros, dot, finite, lower, matrix, nothing, plus, vector};
 use crate::update::{Correction, Policy};
 use crate::{Covariance, FilterError, Mask, Mat, NumericMeasurement, NumericProcess, Scalar};
@@ -242,11 +243,14 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
                 T::of(1.0) - kh
             }
         });
-        let ap: Mat<T, N, N> = matrix!(|i, j| row_times(&a.0[i], i, bare, |k| p.get(k, j)));
         let kr: Mat<T, N, M> = matrix!(|i, j| dot!(M, |k| gain.0[i][k], r.get(k, j)));
+        if const { are_many(N, N, N) } && !(0..N).any(bare) {
+            let left = p.transformed(&a);
+            return lower!(|i, j| plus_row_products(left.get(i, j), &kr.0[i], &gain.0[j]));
+        }
+        let ap: Mat<T, N, N> = matrix!(|i, j| row_times(&a.0[i], i, bare, |k| p.get(k, j)));
         lower!(|i, j| {
-            let spread = dot!(M, |k| kr.0[i][k], gain.0[j][k]);
-            plus_products(row_times(&a.0[j], j, bare, |k| ap.0[i][k]), spread, &kr.0[i], &gain.0[j])
+            plus_row_products(row_times(&a.0[j], j, bare, |k| ap.0[i][k]), &kr.0[i], &gain.0[j])
         })
     }
 
@@ -273,6 +277,12 @@ fn plus_products<T: Scalar, const M: usize>(start: T, products: T, row: &[T; M],
         ([a], [b]) => start.mac(*a, *b),
         _ => start + products,
     }
+}
+
+/// `start` + the product of two rows.
+#[inline(always)]
+fn plus_row_products<T: Scalar, const M: usize>(start: T, row: &[T; M], other: &[T; M]) -> T {
+    plus_products(start, dot!(M, |k| row[k], other[k]), row, other)
 }
 
 /// Row `i` of A = I − K·H times a vector; a bare column of A is a column of I.

@@ -1,5 +1,6 @@
 //! Matrices and their products.
 
+use super::many::{are_many, product};
 use crate::Scalar;
 use crate::notation::{Zeros, matrix, sum, vector};
 use core::ops::{Index, IndexMut};
@@ -31,6 +32,12 @@ impl<T: Scalar, const R: usize, const C: usize> Mat<T, R, C> {
     #[inline(always)]
     #[must_use]
     pub fn times<const K: usize>(&self, other: &Mat<T, C, K>) -> Mat<T, R, K> {
+        if const { are_many(R, C, K) } {
+            let mut to = Mat::zero();
+            let (a, b) = (self.0.as_flattened(), other.0.as_flattened());
+            product((a, C), (b, K), false, to.0.as_flattened_mut());
+            return to;
+        }
         matrix!(|i, j| sum!(C, |k| self.0[i][k] * other.0[k][j]))
     }
 

@@ -5,7 +5,7 @@
 //! by as many digits as a number holds. A rotation mixes two columns without a difference of nearly equal
 //! numbers; the others lose the small ones.
 
-use super::Mat;
+use super::{Mat, are_many};
 use crate::Scalar;
 use crate::notation::sum;
 
@@ -58,6 +58,25 @@ impl<T: Scalar> Pivot<T> {
 /// [A, B, C] is rotated row by row; the products are not formed.
 #[inline(always)]
 pub(crate) fn triangularize<T: Scalar, const N: usize, const K: usize>(
+    a: Mat<T, N, N>,
+    b: Mat<T, N, K>,
+    c: Mat<T, N, N>,
+) -> Mat<T, N, N> {
+    if const { are_many(N, N, N) } { called(a, b, c) } else { written_out(a, b, c) }
+}
+
+/// One function for all users of a size of many states.
+#[inline(never)]
+fn called<T: Scalar, const N: usize, const K: usize>(
+    a: Mat<T, N, N>,
+    b: Mat<T, N, K>,
+    c: Mat<T, N, N>,
+) -> Mat<T, N, N> {
+    written_out(a, b, c)
+}
+
+#[inline(always)]
+fn written_out<T: Scalar, const N: usize, const K: usize>(
     mut a: Mat<T, N, N>,
     mut b: Mat<T, N, K>,
     mut c: Mat<T, N, N>,

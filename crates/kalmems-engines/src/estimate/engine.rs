@@ -584,7 +584,7 @@ pub struct FilterRun<const N: usize> {
     begun: bool,
     recovery: Recovery,
     errors: ErrorMemory<N>,
-    loss: LossWatch<N>,
+    loss: LossWatch,
     /// Steps from sample to sample, and whether they become more where their error is too large.
     steps: usize,
     adapts_steps: bool,
@@ -596,7 +596,7 @@ impl<const N: usize> FilterRun<N> {
         let made = filter.copied();
         // Remembers what only a smoother needs; so that a filter is compiled once for both.
         let filter = LinkedFilter::new(filter, watch);
-        let (errors, loss) = (ErrorMemory::new(), LossWatch::new());
+        let (errors, loss) = (ErrorMemory::new(), LossWatch::new(N));
         let recovery = Recovery::new(filter.gaussian().into());
         Self {
             entry: filter.clone(),
@@ -619,11 +619,11 @@ impl<const N: usize> FilterRun<N> {
         loss: &[f64],
     ) -> Result<Self, FilterError> {
         let mut followed = Self::new(filter, watch);
-        followed.filter.predict(&KnownStateStep::<N>::from(left.gaussian()).step())?;
+        followed.filter.predict(&KnownStateStep::<N>::from(left.gaussian()))?;
         followed.begun = true;
         if let Some((recovery, loss)) = loss.split_first_chunk() {
             followed.recovery.resume(*recovery);
-            followed.loss = LossWatch::resumed(loss);
+            followed.loss = LossWatch::resumed(loss, N);
         }
         Ok(followed)
     }

@@ -1,7 +1,8 @@
 //! A filter put into a known state.
 
-use super::{MeanAndCovariance, ProcessTransition, Transition};
-use kalmems_core::{Gaussian, Over, Process, ProcessNoise};
+use super::transition::write_noise;
+use super::{MeanAndCovariance, Transition};
+use kalmems_core::{Gaussian, ProcessNoise};
 
 /// A step to a known state, whatever was before.
 pub struct KnownStateStep<const N: usize> {
@@ -15,22 +16,18 @@ impl<const N: usize> From<Gaussian<f64, N>> for KnownStateStep<N> {
     }
 }
 
-impl<const N: usize> KnownStateStep<N> {
-    /// As a filter takes it.
-    pub fn step(&self) -> ProcessTransition<'_, Self, N> {
-        ProcessTransition::new(self, &())
-    }
-}
-
-impl<const N: usize> Process<f64, N> for KnownStateStep<N> {
-    type Input = ();
-
-    fn step<S: Over<f64>>(&self, _: &[S; N], (): &()) -> [S; N] {
-        self.mean.map(S::lift)
+impl<const N: usize> Transition for KnownStateStep<N> {
+    fn advance(&self, _: &[f64], to: &mut [f64]) {
+        to.copy_from_slice(&self.mean);
     }
 
-    fn noise(&self) -> &ProcessNoise<f64, N> {
-        &self.noise
+    fn linearize(&self, _: &[f64], to: &mut [f64], jacobian: &mut [f64]) {
+        to.copy_from_slice(&self.mean);
+        jacobian.fill(0.0);
+    }
+
+    fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
+        write_noise(&self.noise, covariance, root);
     }
 }
 

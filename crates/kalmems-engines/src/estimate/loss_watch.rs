@@ -27,15 +27,25 @@ const SEARCHES: u32 = 16;
 const CYCLES_FOR_ONE: u32 = 256;
 
 /// A state at a time in s.
-#[derive(Clone, Copy, Debug)]
-struct StateAt<const N: usize> {
+#[derive(Clone, Debug)]
+struct StateAt {
     time_s: f64,
-    mean: [f64; N],
+    mean: Vec<f64>,
+}
+
+impl StateAt {
+    /// Keeps another state of as many numbers.
+    fn keep(&mut self, time_s: f64, mean: &[f64]) {
+        self.time_s = time_s;
+        for (own, other) in self.mean.iter_mut().zip(mean) {
+            *own = *other;
+        }
+    }
 }
 
 /// Watches a filter for the loss of its signal.
 #[derive(Clone, Debug)]
-pub(super) struct LossWatch<const N: usize> {
+pub(super) struct LossWatch {
     signal: SignalWatch,
     /// Cycles since the signal was lost, from which on a start may be sought.
     age: u32,
@@ -53,15 +63,14 @@ pub(super) struct LossWatch<const N: usize> {
     cycles: u32,
     is_due: bool,
     /// The state where the cycle began that has not ended, and where the last one began in which the signal was not lost.
-    began: StateAt<N>,
-    held: StateAt<N>,
+    began: StateAt,
+    held: StateAt,
 }
 
-impl<const N: usize> LossWatch<N> {
-    const NUMBERS: usize = SignalWatch::NUMBERS + 10 + 2 * (N + 1);
-
-    pub(super) fn new() -> Self {
-        let nowhere = StateAt { time_s: f64::NAN, mean: [f64::NAN; N] };
+impl LossWatch {
+    /// Of a filter of so many states.
+    pub(super) fn new(states: usize) -> Self {
+        let nowhere = StateAt { time_s: f64::NAN, mean: vec![f64::NAN; states] };
         Self {
             signal: SignalWatch::default(),
             age: 0,
@@ -74,7 +83,7 @@ impl<const N: usize> LossWatch<N> {
             left: SEARCHES,
             cycles: 0,
             is_due: false,
-            began: nowhere,
+            began: nowhere.clone(),
             held: nowhere,
         }
     }
@@ -86,13 +95,13 @@ impl<const N: usize> LossWatch<N> {
         rule: &Reacquisition,
         time_s: f64,
         sample: WatchedSample,
-        mean: &[f64; N],
+        mean: &[f64],
     ) -> Option<f64> {
         if time_s < rule.from_s {
             return None;
         }
         if self.began.time_s.is_nan() {
-            self.began = StateAt { time_s, mean: *mean };
+            self.began.keep(time_s, mean);
         }
         self.rows += 1;
         self.rows_of_cycle += 1;
@@ -111,9 +120,9 @@ impl<const N: usize> LossWatch<N> {
             self.is_misled = false;
         }
         if ended.told == CycleState::Explained && !self.signal.is_lost() {
-            self.held = self.began;
+            self.held.keep(self.began.time_s, &self.began.mean);
         }
-        self.began = StateAt { time_s, mean: *mean };
+        self.began.keep(time_s, mean);
         self.age += 1;
         self.rows_shown = if self.signal.shown() > 0 { self.rows_shown + rows_of_cycle } else { 0 };
         if ended.told != CycleState::Lost {
@@ -143,12 +152,13 @@ impl<const N: usize> LossWatch<N> {
 
     /// The filter stopped: what was known of its signal is over, but for the last state at which that was not lost.
     pub(super) fn stop(&mut self) {
-        let (held, left, cycles) = (self.held, self.left, self.cycles);
-        *self = Self { left, cycles, held, ..Self::new() };
+        let held = self.held.clone();
+        let fresh = Self::new(held.mean.len());
+        *self = Self { left: self.left, cycles: self.cycles, held, ..fresh };
     }
 
     /// The time in s and the state at the beginning of the last cycle in which the signal was not lost.
-    pub(super) const fn held(&self) -> (f64, &[f64; N]) {
+    pub(super) fn held(&self) -> (f64, &[f64]) {
         (self.held.time_s, &self.held.mean)
     }
 
@@ -157,30 +167,33 @@ impl<const N: usize> LossWatch<N> {
         let flags = [self.is_due, self.is_misled].map(u32::from);
         let counts = [self.age, self.next, self.in_a_row, self.left, self.cycles];
         let states = [&self.began, &self.held];
-        let states = states.into_iter().flat_map(|state| std::iter::once(state.time_s).chain(state.mean));
+        let states = states
+            .into_iter()
+            .flat_map(|state| std::iter::once(state.time_s).chain(state.mean.iter().copied()));
         let of_signal = self.signal.numbers();
         let rows = [self.rows, self.rows_of_cycle, self.rows_shown].map(|rows| rows as f64);
         let counts = counts.into_iter().chain(flags).map(f64::from);
         of_signal.into_iter().chain(rows).chain(counts).chain(states).collect()
     }
 
-    /// From such numbers, where they are those of a filter of as many states.
-    pub(super) fn resumed(numbers: &[f64]) -> Self {
-        let mut watch = Self::new();
-        let (Some((of_signal, rest)), true) = (numbers.split_first_chunk(), numbers.len() == Self::NUMBERS)
-        else {
+    /// From such numbers, where they are those of a filter of so many states.
+    pub(super) fn resumed(numbers: &[f64], states: usize) -> Self {
+        let mut watch = Self::new(states);
+        let count = SignalWatch::NUMBERS + 10 + 2 * (states + 1);
+        let (Some((of_signal, rest)), true) = (numbers.split_first_chunk(), numbers.len() == count) else {
             return watch;
         };
         let Some((rows, rest)) = rest.split_first_chunk::<3>() else { return watch };
-        let Some(([age, next, in_a_row, left, cycles, is_due, is_misled], states)) = rest.split_first_chunk()
+        let Some(([age, next, in_a_row, left, cycles, is_due, is_misled], rest)) = rest.split_first_chunk()
         else {
             return watch;
         };
-        let state = |numbers: &[f64]| StateAt {
-            time_s: numbers.first().copied().unwrap_or(f64::NAN),
-            mean: std::array::from_fn(|i| numbers.get(i + 1).copied().unwrap_or(f64::NAN)),
-        };
-        let (began, held) = states.split_at(N + 1);
+        let (began, held) = rest.split_at(states + 1);
+        for (state, numbers) in [(&mut watch.began, began), (&mut watch.held, held)] {
+            if let Some((time_s, mean)) = numbers.split_first() {
+                state.keep(*time_s, mean);
+            }
+        }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // counts
         let count = |number: &f64| *number as u32;
         watch.signal = SignalWatch::resumed(*of_signal);
@@ -190,7 +203,6 @@ impl<const N: usize> LossWatch<N> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // counts
         let rows = rows.map(|rows| rows as usize);
         [watch.rows, watch.rows_of_cycle, watch.rows_shown] = rows;
-        (watch.began, watch.held) = (state(began), state(held));
         watch
     }
 }
@@ -204,7 +216,7 @@ mod tests {
 
     /// The samples before which a start is sought, of a filter that is lost from the 1000th on.
     fn searches(samples: u32, is_lost: impl Fn(u32) -> bool) -> Vec<u32> {
-        let mut watch = LossWatch::<2>::new();
+        let mut watch = LossWatch::new(2);
         let mut all = Vec::new();
         for k in 0..samples {
             if watch.take_due() {
@@ -215,7 +227,7 @@ mod tests {
             let values = WatchedSample::Taken([signal, innovation, 1e6 * innovation * innovation]);
             watch.take(&RULE, f64::from(k) * 5e-5, values, &[f64::from(k), 0.0]);
             // Another run goes on from the numbers as this one does.
-            watch = LossWatch::resumed(&watch.numbers());
+            watch = LossWatch::resumed(&watch.numbers(), 2);
         }
         all
     }

@@ -9,7 +9,9 @@ use super::{
 };
 use crate::progress::Pace;
 use crate::progress::Progress;
-use kalmems_core::smooth::{self, Backward, Smoothed, SmoothingError, smooth_interval};
+use kalmems_core::smooth::{
+    self, Backward, Smoothed, SmoothingError, after, apply, newest, smooth_interval, step_back,
+};
 use kalmems_core::{FilterError, Mat, StateTransition};
 use std::ops::Range;
 
@@ -244,12 +246,12 @@ impl<const N: usize> Lagged<N> {
             if begun || k > 0 {
                 let before = filter.gaussian();
                 let link = smooth::SmoothingCourse::advance(&mut repeated, filter, k).map_err(at)?;
-                self.window.push(Backward::new(&before, &link, &filter.gaussian().mean).map_err(by_filter)?);
+                self.window.push(step_back(&before, &link, &filter.gaussian().mean).map_err(by_filter)?);
             }
             smooth::SmoothingCourse::correct(&mut repeated, filter, k).map_err(at)?;
             let last = part.ends && k + 1 == n;
             if place >= self.window.lag || last {
-                let now = Smoothed::newest(&filter.gaussian()).map_err(by_filter)?;
+                let now = newest(&filter.gaussian()).map_err(by_filter)?;
                 if place >= self.window.lag {
                     keep(place - self.window.lag, &self.window.oldest(&now));
                 }
@@ -313,18 +315,6 @@ impl<const N: usize> LagWindow<N> {
             keep(sample, &apply(product, &state));
         }
     }
-}
-
-/// Called, so that it is compiled once for each number of states.
-#[inline(never)]
-fn apply<const N: usize>(step: &Backward<f64, N>, later: &Smoothed<f64, N>) -> Smoothed<f64, N> {
-    step.apply(later)
-}
-
-/// Likewise.
-#[inline(never)]
-fn after<const N: usize>(step: &Backward<f64, N>, later: &Backward<f64, N>) -> Backward<f64, N> {
-    step.after(later)
 }
 
 /// Where nothing passes from a sample to those before it, in the order of time.

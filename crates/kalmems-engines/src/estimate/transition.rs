@@ -75,7 +75,11 @@ impl<P: Process<f64, N>, const N: usize> Transition for ProcessTransition<'_, P,
 }
 
 /// Writes a noise of the core as a [`Transition`] has it.
-fn write_noise<const N: usize>(noise: &ProcessNoise<f64, N>, covariance: &mut [f64], root: &mut [f64]) {
+pub(super) fn write_noise<const N: usize>(
+    noise: &ProcessNoise<f64, N>,
+    covariance: &mut [f64],
+    root: &mut [f64],
+) {
     put_rows(covariance, noise.covariance().lower_triangle());
     put_rows(root, noise.root());
 }

@@ -108,13 +108,13 @@ impl Course for AccelerometerBankCourse<'_> {
                 self.bank.predict(&other, &feedback)?
             }
         };
-        filter.predict(&KnownStateStep::from(self.bank.mixture()).step())
+        filter.predict(&KnownStateStep::from(self.bank.mixture()))
     }
 
     /// All models begin again, as likely as at first.
     fn begin_again(&mut self, filter: &mut dyn Filtering, _: &AnyKnownStateStep) -> Result<(), FilterError> {
         self.bank.clone_from(&self.first);
-        filter.predict(&KnownStateStep::from(self.bank.mixture()).step())
+        filter.predict(&KnownStateStep::from(self.bank.mixture()))
     }
 
     /// The innovation is that of the mixture.
@@ -130,7 +130,7 @@ impl Course for AccelerometerBankCourse<'_> {
         // What is rejected of the mixture is rejected of all models.
         if innovation.as_ref().is_some_and(|innovation| innovation.taken) {
             self.bank.update(&self.readouts, &[y], &self.noise)?;
-            filter.predict(&KnownStateStep::from(self.bank.mixture()).step())?;
+            filter.predict(&KnownStateStep::from(self.bank.mixture()))?;
         }
         Ok(innovation)
     }
