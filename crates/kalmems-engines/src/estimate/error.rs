@@ -203,15 +203,6 @@ pub enum EstimateError {
         /// Why.
         why: String,
     },
-    /// A device with two axes needs a drive for each.
-    #[error(
-        "{place}: the drive is not an offset and two steady sines, which would say where in the signal the axes are; \
-         record it with both, or split the recording with a segment column"
-    )]
-    NotTwoSines {
-        /// The recording and its segment.
-        place: String,
-    },
     /// There is no such detector of crossings.
     #[error("{place}: {why}; correct the table `[estimate.crossings]`")]
     Detector {
@@ -385,7 +376,6 @@ impl EstimateError {
             | Self::NoSteadyDrive { .. }
             | Self::DriveChanges { .. }
             | Self::NoStart { .. }
-            | Self::NotTwoSines { .. }
             | Self::NoCrossing { .. }
             | Self::DriveUnknown { .. }
             | Self::Trigger { .. } => true,

@@ -31,8 +31,8 @@ pub struct EquationsTable {
     /// The inputs with their units, such as `V = "V"`: each is a channel of a recording.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub inputs: Ordered<String>,
-    /// How an input goes between two samples, `cubic`, `linear`, `hold`, `mean`, `sine` or `band_limited`: one word for all inputs,
-    /// or one for each by its name; `cubic` if left out.
+    /// How an input goes between two samples, `quintic`, `cubic`, `linear`, `hold`, `mean`, `sine` or `band_limited`: one word for all inputs,
+    /// or one for each by its name; `quintic` if left out.
     #[serde(default, skip_serializing_if = "Interpolations::is_left_out")]
     pub interpolation: Interpolations,
     /// The parameters with value and unit, such as `k = "3 N/m"`.

@@ -14,4 +14,4 @@ pub use models::{ParameterPlaces, combinations, shifted, side_by_side};
 pub use parameters::{ParameterAugmentedStep, ParameterStep, ParametricReadout};
 pub use plant::{ByEuler, PlainModel, Plant, WithParameters, step};
 pub use segment::DrivenSegment;
-pub use turning_gain::{SteadySwing, TurningGain};
+pub use turning_gain::TurningGain;

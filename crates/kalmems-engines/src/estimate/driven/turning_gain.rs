@@ -1,13 +1,12 @@
 //! One gain for all of a swing: constant in the frame that turns with the motion.
 
-use super::PlainModel;
 use crate::estimate::{GainOf, Never, Swing};
 use kalmems_core::Portable;
 use kalmems_core::riccati::continuous_riccati;
 use kalmems_core::update::{Correction, Policy};
 use kalmems_core::{
-    Cholesky, Covariance, Dynamics, Ekf, Filter, FilterError, FixedGain, Innovation, LinearProcess, Lu, Mat,
-    Measurement, NoiseDensity, NumericMeasurement, NumericProcess, OperatingPoint, Process, StateTransition,
+    Cholesky, Covariance, Ekf, Filter, FilterError, FixedGain, Innovation, LinearProcess, Lu, Mat,
+    NoiseDensity, NumericMeasurement, NumericProcess, OperatingPoint, Process, StateTransition,
 };
 use std::f64::consts::TAU;
 
@@ -37,41 +36,14 @@ pub struct TurningGain<const N: usize> {
 pub type LinearisedDevice<'a, const N: usize> =
     dyn Fn(&[f64; N], f64) -> (Mat<f64, N, N>, Mat<f64, 1, N>) + 'a;
 
-/// A steady motion about which a device is linearised.
-#[derive(Clone, Copy)]
-pub struct SteadySwing<'a> {
-    /// The swing of each coordinate.
-    pub swings: &'a [Swing],
-    /// The drive in V at a time in s.
-    pub drive: &'a dyn Fn(f64) -> f64,
-    /// The begin and the length in s of the time over which means are taken: whole cycles of all swings, as near as may be.
-    pub over_s: [f64; 2],
-}
-
 /// Points of the fastest cycle over which means are taken.
 const POINTS: f64 = 64.0;
 /// How many times faster than the error's decay the slowest swing has to be at least.
 const FASTER: f64 = 10.0;
 
 impl<const N: usize> TurningGain<N> {
-    /// The gain for a device in this motion, from a mean on, for samples of this interval in s and this variance in V².
-    pub fn new<D: Dynamics<f64, N, Input = f64>, H: Measurement<f64, N, 1>>(
-        gain: GainOf,
-        plant: &PlainModel<D, H, N>,
-        motion: SteadySwing,
-        mean: [f64; N],
-        samples: (f64, f64),
-    ) -> Result<Self, String> {
-        let linearised = |x: &[f64; N], time_s: f64| {
-            let jacobian = plant.dynamics.jacobian(x, &(motion.drive)(time_s));
-            (jacobian, plant.readout.linearize(x).1)
-        };
-        let noise = Mat::from_fn(|i, j| plant.noise.get(i, j));
-        Self::of((gain, mean), (&linearised, noise), (motion.swings, motion.over_s), samples)
-    }
-
-    /// The same for what a device is linearised to at a state and a time in s, its rates' slopes and those of its signal, with the density of its noise;
-    /// of these swings, whose means are taken over a time from its begin in s on.
+    /// The gain, from a mean on, for what a device is linearised to at a state and a time in s, its rates' slopes and those of its signal, with the density of its
+    /// noise; of these swings, whose means are taken over a time from its begin in s on; for samples of this interval in s and this variance in V².
     pub fn of(
         (gain, mean): (GainOf, [f64; N]),
         device: (&LinearisedDevice<'_, N>, Mat<f64, N, N>),
