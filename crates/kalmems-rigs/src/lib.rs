@@ -37,7 +37,7 @@ pub fn published() -> &'static Workbench {
             .with(equations::PresetRig::<shared_scanner::device::SharedScanner>::new())
             .with(equations::PresetRig::of(&shared_scanner::SECOND_AXIS))
             .with(equations::PresetRig::<threshold_scanner::device::ThresholdScanner>::new())
-            .with(micro_stage::MicroStageRig)
+            .with(equations::PresetRig::<micro_stage::device::MicroStage>::new())
             .with(accelerometer::AccelerometerRig)
             .with(equations::PresetRig::<piston_mirror::device::PistonMirror>::new())
             .with(equations::EquationsRig)

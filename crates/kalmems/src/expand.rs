@@ -53,7 +53,7 @@ pub fn expand(workbench: &Workbench, experiment: &Experiment) -> Result<Expanded
             ));
         }
     }
-    recordings(&mut document, &wanted);
+    recordings(&mut document, &wanted, part_of(&expansion, "feedthrough").is_some());
     let training = experiment.identify.iter().flat_map(|identify| &identify.training);
     let training: Vec<String> = training.map(|label| format!("`{label}`")).collect();
     if !training.is_empty() {
@@ -89,12 +89,22 @@ fn written(document: &Table, expansion: &Expansion, notes: &[String]) -> String 
     format!("{says}{}{}\n{}", of(&head), expansion.text, of(&rest))
 }
 
-/// Leaves the recordings that are estimated, whatever the rig took them for.
-fn recordings(document: &mut Table, wanted: &[usize]) {
+/// Leaves the recordings that are estimated, whatever the rig took them for, and those with the bias off that tell what is taken off their signals.
+fn recordings(document: &mut Table, wanted: &[usize], has_feedthrough: bool) {
     let Some(Value::Array(recordings)) = document.get_mut("recording") else { return };
+    let keeps = |recording: &Value| {
+        let role = recording.get("role").and_then(Value::as_str);
+        let of_bias = [RecordingRole::BiasOn, RecordingRole::BiasOff];
+        let mut of_bias = of_bias.into_iter().filter(|_| has_feedthrough);
+        of_bias.find(|known| role == Some(known.key()))
+    };
     let mut place = 0..;
-    recordings.retain(|_| place.next().is_some_and(|place| wanted.contains(&place)));
-    for recording in recordings.iter_mut().filter_map(Value::as_table_mut) {
+    recordings.retain(|recording| {
+        let is_wanted = place.next().is_some_and(|place| wanted.contains(&place));
+        is_wanted || keeps(recording) == Some(RecordingRole::BiasOff)
+    });
+    let others = recordings.iter_mut().filter(|recording| keeps(recording).is_none());
+    for recording in others.filter_map(Value::as_table_mut) {
         recording.insert("role".to_owned(), Value::String(RecordingRole::Test.key().to_owned()));
     }
 }
@@ -190,8 +200,10 @@ fn expand_filter(filter: &mut Table, index: usize, expansion: &Expansion) -> boo
     if !filter.get("start").is_none_or(Value::is_str) {
         return false;
     }
-    // There it would say how far from rest the device is, and not how well its rig finds the start.
-    filter.remove("start_sd").is_some()
+    // There it would say how far from rest the device is, and not how well its rig finds the start, unless the equations say that.
+    let oscillation = part_of(expansion, "oscillation");
+    let says = oscillation.and_then(|table| table.get("starts").and_then(Value::as_bool));
+    says != Some(true) && filter.remove("start_sd").is_some()
 }
 
 fn rename_noise(table: &mut Table, expansion: &Expansion) {

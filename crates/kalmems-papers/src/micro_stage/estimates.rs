@@ -10,7 +10,8 @@ use crate::progress::Silent;
 use crate::simulate::{ComputedRecording, SimulateError, described};
 use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use kalmems_rigs::Rig;
-use kalmems_rigs::micro_stage::MicroStageRig;
+use kalmems_rigs::equations::PresetRig;
+use kalmems_rigs::micro_stage::device::MicroStage;
 use kalmems_rigs::published;
 use kalmems_rigs::workflow::{self, Outcome};
 
@@ -34,7 +35,7 @@ const BETA: f64 = -0.0207;
 /// One run at a drive.
 fn outcome(volts: f64, seed: u64) -> Result<Outcome, ReproduceError> {
     let experiment = experiment(HEAD.key, volts, seed, &PRINTED)?;
-    let simulation = MicroStageRig.simulate(&experiment).map_err(failed(HEAD.key))?;
+    let simulation = PresetRig::<MicroStage>::new().simulate(&experiment).map_err(failed(HEAD.key))?;
     let unwritten: Result<ComputedRecording, SimulateError> =
         ComputedRecording::of(simulation.as_ref(), &Silent);
     let recorded = described(&experiment, simulation.as_ref());

@@ -21,7 +21,8 @@ use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextT
 use kalmems_models::capacitance::TiltingPlate;
 use kalmems_models::readout::PlateCurrent;
 use kalmems_rigs::Rig;
-use kalmems_rigs::micro_stage::MicroStageRig;
+use kalmems_rigs::equations::PresetRig;
+use kalmems_rigs::micro_stage::device::MicroStage;
 use kalmems_rigs::micro_stage::identification::{
     ElectrodeUnknowns, WaveRecord, Waveforms, in_situ, motion_by, unknown,
 };
@@ -148,7 +149,7 @@ impl Temperature {
         for (index, volts) in DRIVES_V.into_iter().enumerate() {
             let seed = seed + 1000 * (1 + index as u64);
             let simulated = experiment(HEAD.key, volts, seed, &truth)?;
-            let simulation = MicroStageRig.simulate(&simulated).map_err(failed(HEAD.key))?;
+            let simulation = PresetRig::<MicroStage>::new().simulate(&simulated).map_err(failed(HEAD.key))?;
             let unwritten = ComputedRecording::of(simulation.as_ref(), &Silent).map_err(failed(HEAD.key))?;
             let estimated = experiment(HEAD.key, volts, seed, believed)?;
             let outcome = workflow::estimate_computed(

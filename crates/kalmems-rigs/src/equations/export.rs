@@ -4,6 +4,7 @@ use super::axes::{AxisSines, InputRows};
 use super::course::{EquationSegment, SegmentChannel};
 use super::event_times::{EventTimes, FoundEvents};
 use super::events::{EventSettings, EventTimeSource, FilterEventUse};
+use super::feedthrough_course::measured;
 use super::interpolation::Interpolation;
 use super::model::{EquationModel, Interval, noises};
 use super::segment::{EquationFilterTask, at_rest, motion, rates_of_inputs};
@@ -14,7 +15,7 @@ use crate::Rig;
 use crate::config::{ConfigFault, Experiment, Key, Method, Variant};
 use crate::estimate::driven::{InterpolationLag, SegmentDrive};
 use crate::estimate::{
-    AnyFilter, FALSE_REJECTIONS, FilterPast, GainOf, GateMode, MeanAndCovariance, MotionRate,
+    AnyFilter, EstimateError, FALSE_REJECTIONS, FilterPast, GainOf, GateMode, MeanAndCovariance, MotionRate,
     SampleSelection, Sensor, StateSeries, Tracked, Trajectory, Transition, largest_nis, memory_samples,
 };
 use crate::export::{
@@ -58,6 +59,12 @@ fn watch(taking: &GateMode, interval_s: f64, every: u32) -> EmitWatch {
 /// The source of a filter; see [`Rig::export`].
 #[allow(clippy::too_many_lines)] // one refusal after the other, each with its reason
 pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Exported, ExportError> {
+    let measured = measured(experiment).map_err(|error| match error {
+        EstimateError::Config(error) => error.into(),
+        EstimateError::Read(error) => error.into(),
+        other => ExportError::Filter { filter: request.filter.clone(), why: other.to_string() },
+    })?;
+    let experiment = measured.as_ref().unwrap_or(experiment);
     let place = place_of_filter(experiment, request)?;
     let settings = EquationSettings::of(experiment)?;
     let filter = &settings.filters[place];

@@ -2,6 +2,7 @@
 
 mod angles;
 mod axes;
+mod correction;
 mod course;
 mod curve;
 mod event_search;
@@ -10,7 +11,11 @@ mod event_times;
 mod events;
 mod export;
 mod feedback;
+mod feedthrough;
+mod feedthrough_course;
+mod feedthrough_error;
 mod first_peak;
+mod followed_sine;
 mod input_part;
 mod instrument;
 mod interpolation;
@@ -37,12 +42,14 @@ mod sine_filters;
 mod sine_settings;
 mod start;
 mod swing_gain;
+mod swing_start;
 mod table;
 mod threshold;
 mod trigger;
 mod visibility;
 mod waveform;
 
+pub use feedthrough::{BiasOffRecord, differs_in_frequency, without_drive};
 pub use first_peak::sign_after_restart;
 pub use own_filter::estimate_with;
 pub use preset::{OwnExport, Preset, PresetRig, PresetVariant, meant};
@@ -177,13 +184,16 @@ const TEMPLATE: Template = Template {
 };
 
 /// The recordings that are estimated, by their roles.
-const ESTIMATED: [RecordingRole; 3] =
-    [RecordingRole::Test, RecordingRole::SteadyState, RecordingRole::RingDown];
+const ESTIMATED: [RecordingRole; 4] =
+    [RecordingRole::Test, RecordingRole::SteadyState, RecordingRole::RingDown, RecordingRole::BiasOn];
 
 /// The recordings with these roles, their filters and channels checked.
 fn wanted(experiment: &Experiment, roles: &[RecordingRole]) -> Result<Vec<usize>, ConfigError> {
     EquationSettings::of(experiment)?;
-    experiment.to_estimate(roles, |index| EquationColumns::of(experiment, index))
+    experiment.to_estimate(roles, |index| {
+        EquationColumns::of(experiment, index)?;
+        feedthrough::counterpart(experiment, index)
+    })
 }
 
 impl Rig for EquationsRig {

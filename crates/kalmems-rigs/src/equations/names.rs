@@ -102,10 +102,14 @@ pub fn values(table: &EquationsTable, device: &Device) -> &'static [ValueState] 
     let quantities: Vec<&Named> = device.quantities().iter().collect();
     let states = states.iter().filter(|named| !comes_round(named));
     // Of a sine the quantity is what the device is for.
-    let values: Vec<ValueState> = match sine {
+    let mut values: Vec<ValueState> = match sine {
         Some(_) => quantities.iter().chain(states).map(of).collect(),
         None => states.chain(&quantities).map(of).collect(),
     };
+    let main = table.main.as_deref();
+    if let Some(place) = values.iter().position(|value| Some(value.name) == main) {
+        values[..=place].rotate_right(1);
+    }
     KNOWN.get(&values, || values.clone().into())
 }
 

@@ -50,6 +50,11 @@ impl<T> Ordered<T> {
         self.0.is_empty()
     }
 
+    /// Changes what stands behind a name.
+    pub fn change(&mut self, name: &str, to: impl Fn(&T) -> T) {
+        self.0.iter_mut().filter(|(own, _)| own == name).for_each(|(_, value)| *value = to(value));
+    }
+
     /// What stands behind a name.
     pub fn get(&self, name: &str) -> Option<&T> {
         self.iter().find(|(own, _)| *own == name).map(|(_, value)| value)

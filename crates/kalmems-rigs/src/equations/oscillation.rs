@@ -37,6 +37,10 @@ pub struct OscillationTable {
     /// The cycles of the drive in one of the oscillation, 1 if left out: 2 under parametric excitation.
     #[serde(default = "once")]
     pub drive_cycles: NonZeroU8,
+    /// Whether a filter that states `start_sd`, or none that claims anything, begins with `start = "from_signal"` at the oscillation that the first two
+    /// cycles of its signal show, `start_sd` being how far that may be off; false if left out.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub starts: bool,
 }
 
 impl OscillationTable {
@@ -49,6 +53,11 @@ impl OscillationTable {
     pub fn drive_cycles(&self) -> f64 {
         self.drive_cycles.get().into()
     }
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // as serde asks it
+fn is_false(stated: &bool) -> bool {
+    !stated
 }
 
 fn once() -> NonZeroU8 {
@@ -97,7 +106,7 @@ const SMALL: f64 = 1e-2;
 /// Cycles from which a gain that turns with the swing takes that.
 const FIRST_CYCLES: f64 = 4.0;
 /// Doublings from the smallest amplitude in SI that is tried, and that amplitude.
-const DOUBLINGS: usize = 130;
+const DOUBLINGS: i32 = 130;
 const SMALLEST: f64 = 1e-24;
 
 /// What a measurement shows of an oscillation x(t) = x₀ + A·sin φ of one state: its mean, and the complex amplitudes of the first
@@ -111,7 +120,8 @@ struct OscillationLine {
 
 /// A measurement of one oscillating state.
 pub struct MeasuredOscillation {
-    measure: usize,
+    /// The measurement.
+    pub measure: usize,
     /// Which of the states that oscillate it is of.
     axis: usize,
     motion: Motion,
@@ -244,7 +254,7 @@ impl MeasuredOscillation {
     }
 
     /// What is worked on, for the values of all parameters.
-    fn work(&self, values: &[f64]) -> [ProgramNumbers; 2] {
+    pub fn work(&self, values: &[f64]) -> [ProgramNumbers; 2] {
         [self.motion.work(values), self.readout.work(values)]
     }
 
@@ -359,7 +369,7 @@ impl MeasuredOscillation {
     /// The oscillation in some samples, and how the line grows with the amplitude. An even harmonic is the same for both signs of the
     /// state: then the sign is that which lies nearer to the oscillation before, and of the first one that of the first harmonic, where
     /// there is any. `None` where there are too few samples, or more signal than an oscillation makes.
-    fn swing(
+    pub fn swing(
         &self,
         work: &mut [ProgramNumbers; 2],
         (time_s, signal): (&[f64], &[f64]),
@@ -412,14 +422,15 @@ impl MeasuredOscillation {
         let near =
             before.map(|before| 0.5 * before.amplitude).filter(|near| *near > 0.0 && line(*near) < size);
         let unit = near.or_else(|| {
-            let mut amplitude = SMALLEST;
-            for _ in 0..DOUBLINGS {
-                if !small(2.0 * amplitude) {
-                    return Some(amplitude);
+            // By large steps first: a line grows with the amplitude.
+            let mut doublings = 0;
+            let after = |doublings: i32| SMALLEST * 2.0_f64.powi(doublings);
+            for step in [32, 8, 2, 1] {
+                while doublings + step <= DOUBLINGS && small(after(doublings + step)) {
+                    doublings += step;
                 }
-                amplitude *= 2.0;
             }
-            None
+            (doublings < DOUBLINGS).then(|| after(doublings))
         })?;
         amplitude_of_line(size, [unit, f64::MAX], line)
     }
@@ -525,7 +536,7 @@ fn apart(
 
 impl EquationFilterTask<'_> {
     /// The signal of a channel without what inputs add to it.
-    fn without_inputs<'a>(&self, channel: &SegmentChannel<'a>) -> Cow<'a, [f64]> {
+    pub fn without_inputs<'a>(&self, channel: &SegmentChannel<'a>) -> Cow<'a, [f64]> {
         let Some(mut part) = InputPart::of(self.own, channel.measure) else { return channel.signal.into() };
         let of = (self.data.time_s, &*self.data.inputs, &*self.data.bends);
         part.taken_off(self.own, of, (channel.signal, self.data.samples.interval_s)).into()

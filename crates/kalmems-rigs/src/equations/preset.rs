@@ -45,6 +45,12 @@ pub trait Preset: DeviceDescription {
         Ok(None)
     }
 
+    /// Refuses a table that does not say what an estimate needs.
+    fn require_estimated(&self, experiment: &Experiment) -> Result<(), ConfigError> {
+        let _ = experiment;
+        Ok(())
+    }
+
     /// The length by which all lengths of its signal scale.
     fn length_scale(&self) -> Option<LengthScale> {
         None
@@ -102,6 +108,7 @@ pub fn meant(
 ) -> Result<EquationsTable, ConfigError> {
     let mut table: EquationsTable = read_device(&expansion.text)?;
     table.noise_keys.clone_from(&expansion.noise);
+    table.channel_keys.clone_from(&expansion.channels);
     (table.keys, table.threshold) = (Some(keys), threshold);
     Ok(table)
 }
@@ -206,7 +213,8 @@ impl<T: Preset> Rig for PresetRig<T> {
     }
 
     fn wanted(&self, experiment: &Experiment) -> Result<Vec<usize>, ConfigError> {
-        super::wanted(Self::read(experiment)?, T::ESTIMATED)
+        experiment.device::<T>()?.require_estimated(experiment)?;
+        super::wanted(experiment, T::ESTIMATED)
     }
 
     fn layout(&self, experiment: &Experiment, index: usize) -> Result<RecordingLayout, ConfigError> {

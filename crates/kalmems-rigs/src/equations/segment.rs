@@ -6,6 +6,8 @@ use super::course::{EquationCourse, EquationSegment, SegmentChannel, peak_after}
 use super::event_search::EventSearches;
 use super::event_times::EventTimes;
 use super::events::EventSettings;
+use super::feedthrough::{BiasOffRecording, FeedthroughPast, TakenOff, block_rows, counterpart};
+use super::feedthrough_error::FeedthroughError;
 use super::first_peak::{orient, sign_after_restart};
 use super::input_part::InputPart;
 use super::model::{EquationModel, Interval, noises};
@@ -166,6 +168,9 @@ pub struct EquationEstimator<'a> {
     pub past: Past,
     /// The sines that drive several axes, in the segment that is being estimated.
     pub sines: Option<AxisSines>,
+    /// The recording with the bias off, of one that needs it, and what is taken off the signals of the segment that is being estimated.
+    pub bias_off: Option<BiasOffRecording<'a>>,
+    pub taken_off: FeedthroughPast,
     /// The searches for events in the segment that is being estimated.
     pub searches: Option<EventSearches>,
     /// Why the recording is no good, where only its end has shown it.
@@ -197,6 +202,10 @@ impl<'a> EquationEstimator<'a> {
             columns: EquationColumns::of(experiment, index)?,
             past: Past::default(),
             sines: None,
+            bias_off: counterpart(experiment, index)?
+                .map(|off| BiasOffRecording::read(experiment, off, progress))
+                .transpose()?,
+            taken_off: FeedthroughPast::default(),
             searches: None,
             refused: None,
             left_ranges: RangeTally::default(),
@@ -208,6 +217,12 @@ impl<'a> EquationEstimator<'a> {
 }
 
 impl Estimator for EquationEstimator<'_> {
+    /// Records by which the device was identified are not estimated.
+    fn wants(&self, label: &str) -> bool {
+        let mut training = self.experiment.identify.iter().flat_map(|identify| &identify.training);
+        self.bias_off.is_none() || !training.any(|name| name == label)
+    }
+
     fn around(&self, interval_s: f64) -> RowsAround {
         let told_s = |hz: f64| self.settings.skip_s + STARTING_CYCLES / hz;
         let crossed = self.settings.events.iter().any(EventSettings::is_shown_by_a_signal);
@@ -247,6 +262,9 @@ impl Estimator for EquationEstimator<'_> {
         // What follows from an input is said of a sample once a smoother has waited for the later ones.
         let lags = filters().filter_map(|filter| filter.basics.lag_samples(interval_s));
         let lagged = if own.device.quantities_need_inputs() { lags.fold(0, usize::max) } else { 0 };
+        if own.feedthrough.is_some() {
+            rows = rows.max(block_rows(own.natural_hz(), interval_s));
+        }
         RowsAround {
             head: rows.clamp(BLOCK, RowsAround::LONGEST_HEAD),
             before: (before + again).max(lagged),
@@ -289,7 +307,17 @@ impl Estimator for EquationEstimator<'_> {
         sampled.add_rates(&mut inputs, (device, &rates), &self.columns)?;
         let at_rest = (values.as_slice(), &*settings.own.rest, &*settings.own.bandwidths);
         let (_, variances) = noises(device, at_rest, segment.interval_s.recip()).map_err(wrong)?;
-        let channels = channels((self.experiment, device), &self.columns, &variances, &segment)?;
+        let mut channels = channels((self.experiment, &settings.own), &self.columns, &variances, &segment)?;
+        let (signals, taken_off) = match &settings.own.feedthrough {
+            None => Default::default(),
+            Some(feedthrough) => feedthrough.taken_off(
+                &settings.own,
+                (self.bias_off.as_ref(), &mut self.taken_off, &past.numbers),
+                (&segment, &inputs[feedthrough.input], self.columns.inputs[feedthrough.input]),
+                &channels,
+            )?,
+        };
+        channels.iter_mut().zip(&signals).for_each(|(channel, signal)| channel.signal = signal);
         let start_s = segment.start_s + settings.skip_s;
         if segment.begins || self.sines.is_none() {
             let rows = InputRows { inputs: &inputs, interval_s: segment.interval_s };
@@ -335,6 +363,7 @@ impl Estimator for EquationEstimator<'_> {
             models: &self.models,
             side_outputs: (&self.side_outputs, phase_rate),
             own_filter: &self.own_filter,
+            taken_off: &taken_off,
             data: &data,
             axes: &axes,
             start_s,
@@ -355,7 +384,7 @@ impl Estimator for EquationEstimator<'_> {
         (estimate.remarks, estimate.sign_is_hidden) = (remarks, settings.own.hides_angle());
         (estimate.crossings, estimate.crossings_refused) = (crossings, refused);
         kept.pass(&segment);
-        past.numbers = kept.numbers();
+        past.numbers = kept.numbers().into_iter().chain(self.taken_off.numbers()).collect();
         self.searches = Some(kept);
         Ok(estimate)
     }
@@ -400,16 +429,18 @@ fn bends(own: &OwnDevice, channels: &[SegmentChannel<'_>], of: (&[f64], &[Segmen
 
 /// The measured channels over a segment, with the variance of a sample of each.
 fn channels<'a>(
-    (experiment, device): (&Experiment, &'a Device),
+    (experiment, own): (&Experiment, &'a OwnDevice),
     columns: &EquationColumns,
     variances: &[Option<f64>],
     segment: &SignalSegment<'a>,
 ) -> Result<Vec<SegmentChannel<'a>>, EstimateError> {
+    let device = &own.device;
     let one = |(measure, column): &(usize, &str)| {
         let named = &device.measures()[*measure];
         let signal = segment.recording.column_of(column, names::kind_of(named))?.of(segment.segment);
         if let Some(variance) = variances[*measure].filter(|variance| *variance > 0.0) {
-            return Ok(SegmentChannel::of(device, *measure, variance, signal));
+            let channel = SegmentChannel::of(device, *measure, variance, signal);
+            return Ok(SegmentChannel { name: &own.signal_names[*measure], ..channel });
         }
         let key = Key::from("device.equations.noise").child(&named.name);
         let remedy = match variances[*measure] {
@@ -524,6 +555,8 @@ struct Answers<'a> {
     /// What is given besides the estimates, and the rate of the motion in rad/s.
     side_outputs: (&'a SideOutputs, f64),
     own_filter: &'a OwnFilter,
+    /// What inputs made of the signals.
+    taken_off: &'a TakenOff,
     data: &'a EquationSegment<'a>,
     /// What the answers are judged by.
     axes: &'a [JudgedAxis],
@@ -552,10 +585,17 @@ impl Answers<'_> {
                 ..EquationFilterTask::of(settings, filter, models, data)
             };
             let mut found = task.follow(past)?;
+            let errors = FeedthroughError::of(&filter.own, self.taken_off, (data, &task.channels()));
             for (answer, trajectory) in found.iter_mut().enumerate() {
                 let past = past.answer(answer);
                 orient(trajectory, (&filter.own, &settings.signs), past, &peaks_s);
                 trajectory.lock = past.judge.judge(trajectory, &axes, start_s, data.samples.ends);
+                if filter.basics.method != Method::Model {
+                    filter.own.corrections.iter().for_each(|correction| correction.apply(trajectory));
+                    if let Some(errors) = &errors {
+                        errors.widen(trajectory, data.time_s);
+                    }
+                }
             }
             all.append(&mut found);
         }
@@ -634,9 +674,10 @@ impl EquationFilterTask<'_> {
         } else {
             vec![past.start_among(self.data.time_s)]
         };
+        let by_swing = if past.left().is_none() { self.start_by_swing()? } else { None };
         let known = |index: usize| {
             let from_signal = start_of(&starts, index).map(|start| start.first.clone());
-            from_signal.or_else(|| self.filter.stated()).unwrap_or_default()
+            from_signal.or_else(|| by_swing.clone()).or_else(|| self.filter.stated()).unwrap_or_default()
         };
         let used = (&*channels, &*self.filter.events);
         let course_of = |(index, model), phases| {

@@ -2,7 +2,9 @@
 
 use super::angles;
 use super::axes::DrivenAxis;
+use super::correction::StateCorrection;
 use super::events::{self, EventSettings, FilterEventUse};
+use super::feedthrough::InputFeedthrough;
 use super::first_peak::AngleSign;
 use super::interpolation::Interpolation;
 use super::inversion::Inverse;
@@ -55,6 +57,12 @@ pub struct OwnDevice {
     pub drive_cycles: f64,
     /// The signs of states that its measurements do not tell.
     pub hidden_signs: Vec<Vec<usize>>,
+    /// What filters call the measurements.
+    pub signal_names: Vec<String>,
+    /// What an input makes of the signals beside the motion.
+    pub feedthrough: Option<InputFeedthrough>,
+    /// What estimates are corrected by.
+    pub corrections: Vec<StateCorrection>,
 }
 
 impl OwnDevice {
@@ -79,10 +87,19 @@ impl OwnDevice {
         angles::check(experiment, table, &device)?;
         let angles = table.angles.iter().filter_map(|(angle, _)| device.state(angle)).collect();
         let rates = table.angles.iter().filter_map(|(_, rate)| device.state(rate.trim())).collect();
+        let feedthrough = InputFeedthrough::of(experiment, table, &device)?;
+        let corrections = StateCorrection::of(experiment, &table.correction, &device)?;
+        require_main(experiment, table, &device)?;
+        let called = |named: &Named| {
+            let other = table.channel_keys.iter().find(|(_, measure)| **measure == *named.name);
+            other.map_or_else(|| named.name.to_string(), |(key, _)| key.clone())
+        };
+        let signal_names = device.measures().iter().map(called).collect();
         let own = Self::with(device, values, between, &about).map_err(|error| refused(experiment, &error))?;
         let axes = DrivenAxis::named(experiment, table, &own)?;
         let drive_cycles = table.oscillation.as_ref().map_or(1.0, OscillationTable::drive_cycles);
-        Ok(Self { bandwidths, ranges, angles, rates, axes, drive_cycles, ..own })
+        let own = Self { bandwidths, ranges, angles, rates, axes, drive_cycles, ..own };
+        Ok(Self { signal_names, feedthrough, corrections, ..own })
     }
 
     fn with(
@@ -123,6 +140,9 @@ impl OwnDevice {
             axes: Vec::new(),
             drive_cycles: 1.0,
             hidden_signs,
+            signal_names: Vec::new(),
+            feedthrough: None,
+            corrections: Vec::new(),
         };
         let about =
             about.iter().zip(&own.rest).map(|(about, rest)| about.unwrap_or(*rest)).collect::<Vec<_>>();
@@ -227,6 +247,16 @@ impl OwnDevice {
     }
 }
 
+/// Refuses a device that is for what it has not.
+fn require_main(experiment: &Experiment, table: &EquationsTable, device: &Device) -> Result<(), ConfigError> {
+    let Some(main) = &table.main else { return Ok(()) };
+    let known = || device.states().iter().chain(device.quantities()).map(|named| &*named.name);
+    if known().any(|name| name == main) {
+        return Ok(());
+    }
+    Err(experiment.error("device.equations.main", ConfigFault::unknown_word(main, known())))
+}
+
 /// The modes of a linear motion; none where they are not known.
 pub fn modes_of(linear: &[f64], states: usize) -> Vec<Mode> {
     modes(linear, states).unwrap_or_default()
@@ -296,6 +326,8 @@ pub struct EquationFilterSettings {
 enum EquationStart {
     /// At these states, with their standard deviations.
     Stated { mean: Vec<f64>, sd: Vec<f64> },
+    /// At the oscillation that the first cycles of the signal show, which may be off by these standard deviations.
+    Swing { sd: Vec<Option<f64>> },
     /// At what the first samples say, about these states where the file says some, with the standard deviations that are known before,
     /// where some are.
     Signal { about: Vec<Option<f64>>, sd: Vec<Option<f64>> },
@@ -516,7 +548,11 @@ impl EquationFilterSettings {
         } else {
             vec![Some(0.0); entries.len()]
         };
-        if table.start_tells_itself && start.is_none() && claims {
+        let by_swing = start.is_none()
+            && own.axes.is_empty()
+            && table.oscillation.as_ref().is_some_and(|oscillation| oscillation.starts)
+            && !(claims && filter.start_sd.is_empty());
+        if table.start_tells_itself && start.is_none() && claims && !by_swing {
             sd.fill(None);
         }
         let (noise_key, noise) = process_noise(experiment, &at, filter)?;
@@ -528,6 +564,7 @@ impl EquationFilterSettings {
         let held = sine.map_or(&[][..], QuantitySine::held).iter().copied();
         let held: Vec<usize> = held.filter(|state| claims && !is_moved(state)).collect();
         let start = match start {
+            None if by_swing => EquationStart::Swing { sd },
             None => {
                 let about = of("start_about", &filter.start_about, &entries)?;
                 EquationStart::Signal { about, sd: if claims { sd } else { vec![None; entries.len()] } }
@@ -568,7 +605,7 @@ impl EquationFilterSettings {
             basics.taking.largest_nis = None;
         }
         threshold::check(experiment, (&at, filter))?;
-        let measures = measures(experiment, &at, filter, device)?;
+        let measures = measures(experiment, &at, filter, own)?;
         let events = events::uses(experiment, own, events, (&at, filter))?;
         let all = 0..device.measures().len();
         let chosen = if measures.is_empty() { all.collect() } else { measures.clone() };
@@ -579,7 +616,11 @@ impl EquationFilterSettings {
                 return refuse("signal_variance", why.to_owned());
             }
         }
-        let (inverse, oscillations) = without_motion((experiment, &at, filter), (own, sine), &chosen)?;
+        let (inverse, mut oscillations) = without_motion((experiment, &at, filter), (own, sine), &chosen)?;
+        if by_swing && oscillations.is_empty() {
+            let known = |measure: &usize| MeasuredOscillation::of(own, table, (*measure, 0)).ok();
+            oscillations = chosen.iter().filter_map(known).collect();
+        }
         // What the sine itself tells is not held by a start from it.
         let held = held.into_iter().filter(|state| sine.is_some_and(|sine| !sine.is_told(*state))).collect();
         Ok(Self {
@@ -605,10 +646,17 @@ impl EquationFilterSettings {
         Some(MeanAndCovariance::apart(own.chain(parameters)))
     }
 
+    /// How far the oscillation may be off that it starts at, of a filter that starts so.
+    pub fn swing_sd(&self) -> Option<&[Option<f64>]> {
+        let EquationStart::Swing { sd } = &self.start else { return None };
+        Some(sd)
+    }
+
     /// About where a state is at the start, where the file says it.
     pub fn about_of(&self, state: usize) -> Option<f64> {
         match &self.start {
             EquationStart::Stated { mean, .. } => mean.get(state).copied(),
+            EquationStart::Swing { .. } => None,
             EquationStart::Signal { about, .. } => about.get(state).copied().flatten(),
         }
     }
@@ -617,6 +665,7 @@ impl EquationFilterSettings {
     fn about(&self) -> Vec<f64> {
         match &self.start {
             EquationStart::Stated { mean, .. } => mean.clone(),
+            EquationStart::Swing { .. } => self.own.rest.clone(),
             EquationStart::Signal { about, .. } => {
                 about.iter().zip(&self.own.rest).map(|(about, rest)| about.unwrap_or(*rest)).collect()
             }
@@ -732,7 +781,7 @@ pub(super) fn some(
 
 /// Standard deviations of all states, where those of lags and delays may be left out: they follow the others as they do when all
 /// has settled. The place of a state whose own is missing, where one is.
-fn following(own: &OwnDevice, start: &[f64], sd: Vec<Option<f64>>) -> Result<Vec<f64>, usize> {
+pub fn following(own: &OwnDevice, start: &[f64], sd: Vec<Option<f64>>) -> Result<Vec<f64>, usize> {
     let Some(first) = sd.iter().position(Option::is_none) else {
         return Ok(sd.into_iter().flatten().collect());
     };
@@ -773,14 +822,14 @@ fn measures(
     experiment: &Experiment,
     at: &Key,
     filter: &FilterTable,
-    device: &Device,
+    own: &OwnDevice,
 ) -> Result<Vec<usize>, ConfigError> {
     let key = || at.clone().child("channels");
     let mut places = Vec::new();
     for name in &filter.channels {
-        let place = device.measures().iter().position(|measure| *measure.name == **name);
+        let place = own.signal_names.iter().position(|own| own == name);
         let Some(place) = place else {
-            let known = device.measures().iter().map(|measure| &*measure.name);
+            let known = own.signal_names.iter().map(String::as_str);
             return Err(experiment.error(key(), ConfigFault::unknown_word(name, known)));
         };
         if places.contains(&place) {

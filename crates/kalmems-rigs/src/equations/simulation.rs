@@ -1,6 +1,7 @@
 //! A recording of a device of one's own that is computed.
 
 use super::feedback::{Loop, loops};
+use super::feedthrough_course::SimulatedFeedthrough;
 use super::instrument::{InstrumentHistory, ShownQuantity, columns, instruments};
 use super::model::{noises, steps_over};
 use super::names;
@@ -31,6 +32,8 @@ pub struct EquationSimulation {
     drives: Vec<Drive>,
     /// Those that follow a measurement.
     loops: Vec<Loop>,
+    /// What one makes of the signals beside the motion.
+    feedthrough: Option<SimulatedFeedthrough>,
     /// For how long they move the device before the recording begins, in s.
     before_s: f64,
     sources: Vec<RecordingSource>,
@@ -227,6 +230,7 @@ impl EquationSimulation {
         let inputs = stated_inputs(experiment, simulate, device)?;
         let rates = rates(experiment, simulate, (device, &inputs))?;
         let loops = loops(experiment, simulate, &own)?;
+        let feedthrough = SimulatedFeedthrough::of(experiment, &own, &inputs)?;
         let before_s = inputs.iter().map(|input| input.before_s).fold(0.0, f64::max);
         let sampling = sampling(experiment, simulate, device)?;
         let entries = names::entries(device);
@@ -263,6 +267,7 @@ impl EquationSimulation {
             own,
             drives,
             loops,
+            feedthrough,
             before_s,
             sources,
             start,
@@ -617,7 +622,8 @@ impl Simulation for EquationSimulation {
             for (place, reading) in readings.iter_mut().enumerate() {
                 // Each channel has random numbers of its own, whatever rows it is sampled at.
                 let noise = sample_sd[place] * of_samples[place].sample();
-                let analogue = || reading.read(&state, &inputs) + noise;
+                let share = self.feedthrough.as_ref().map_or(0.0, |of| of.share(place, time_s));
+                let analogue = || reading.read(&state, &inputs) + share + noise;
                 of_measures[place] = self.sampling[place].sample(k, &mut finite, analogue);
             }
             for closed in &self.loops {

@@ -1,6 +1,8 @@
 //! What an operator writes of a device of their own: the table `[device.equations]`.
 
+use super::correction::CorrectionTable;
 use super::curve::CurveTable;
+use super::feedthrough::FeedthroughTable;
 use super::instrument::InstrumentTable;
 use super::interpolation::Interpolations;
 use super::number::NumberText;
@@ -89,6 +91,15 @@ pub struct EquationsTable {
     /// The period of a state that comes round, such as `phase = "2*pi"`.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub cyclic: Ordered<String>,
+    /// What an input makes of the signals beside the motion, which is taken off before filters take them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub feedthrough: Option<FeedthroughTable>,
+    /// What estimates of states were found to be wrong by, such as `v = { scale = "1.002", bias = "1 mm/s" }`: they are corrected by it.
+    #[serde(default, skip_serializing_if = "Ordered::is_empty")]
+    pub correction: Ordered<CorrectionTable>,
+    /// The state or the quantity that the device is for, by which it is judged; the first state if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub main: Option<String>,
     /// The energy of the device, by which `kalmems inspect` checks the equations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub energy: Option<String>,
@@ -104,6 +115,9 @@ pub struct EquationsTable {
     /// What the noise of a state's rate is called in the table that these equations were made from, where that is not the state's name.
     #[serde(skip)]
     pub noise_keys: Vec<(&'static str, &'static str)>,
+    /// What filters call the measurements that correct them in the table that these equations were made from, where they have other names there.
+    #[serde(skip)]
+    pub channel_keys: Vec<(String, String)>,
     /// The event that the keys of a threshold are of, where the table that these equations were made from has such keys.
     #[serde(skip)]
     pub threshold: Option<PassedThreshold>,
@@ -258,6 +272,11 @@ impl EquationsTable {
         let table = experiment.device_in_terms_of::<Self>()?;
         let device = table.device(experiment)?;
         Ok((table, device))
+    }
+
+    /// The same, from which no device has been read.
+    pub fn without_device(&self) -> Self {
+        Self { read: OnceLock::new(), ..self.clone() }
     }
 
     /// The device of a table of an experiment, its equations checked.

@@ -1,5 +1,6 @@
 //! The micro-stage that shakes a gyroscope, with capacitors underneath.
 
+use super::equations;
 use crate::config::Quantity;
 use crate::config::Vibrometer;
 use crate::config::kinds::{
@@ -7,7 +8,7 @@ use crate::config::kinds::{
     VoltageVariance,
 };
 use crate::config::noise_schema;
-use crate::config::{DeviceDescription, Key};
+use crate::config::{DeviceDescription, Key, OtherTerms};
 use crate::config::{NotNegative, NotZero, Positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -124,6 +125,11 @@ pub struct Gyroscope {
 impl DeviceDescription for MicroStage {
     const NAME: &'static str = "micro_stage";
     const SUMMARY: &'static str = "A stage that shakes a gyroscope to calibrate it.";
+
+    fn in_other_terms(&self) -> Result<Option<OtherTerms>, (Key, String)> {
+        let meant = equations::in_other_terms(self);
+        meant.map(Some).map_err(|error| (Key::from("device.micro_stage"), error.to_string()))
+    }
 
     fn check(&self) -> Result<(), (Key, String)> {
         let electrodes = Key::from("device.micro_stage.electrodes");

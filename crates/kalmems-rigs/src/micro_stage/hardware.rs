@@ -1,6 +1,6 @@
 //! What the rig takes from the device table, in SI.
 
-use crate::config::{ConfigError, ConfigFault, Experiment, Quantity};
+use crate::config::{ConfigError, ConfigFault, Experiment, Key, Quantity};
 use crate::evaluate::EdgeVelocity;
 use crate::micro_stage::device::{Electrode, MicroStage};
 use kalmems_models::capacitance::TiltingPlate;
@@ -20,8 +20,6 @@ pub struct StageHardware {
     pub channels: Vec<ElectrodeChannel>,
     /// The reference, where the file describes one.
     pub vibrometer: Option<EdgeVelocity>,
-    /// Scale factor and bias in rad/s that the estimated rate was found to have.
-    pub correction: [f64; 2],
 }
 
 /// One electrode with its amplifier.
@@ -40,7 +38,7 @@ pub struct ElectrodeChannel {
 impl ElectrodeChannel {
     /// The meaning of its column in a recording.
     pub fn meaning(&self) -> String {
-        format!("signal_{}", self.name)
+        super::equations::meaning(&self.name)
     }
 
     fn of(name: &str, electrode: &Electrode) -> Self {
@@ -96,7 +94,6 @@ impl StageHardware {
             piston,
             channels: device.electrodes.iter().map(|(name, e)| ElectrodeChannel::of(name, e)).collect(),
             vibrometer: device.vibrometer.as_ref().map(EdgeVelocity::from),
-            correction: device.correction.as_ref().map_or([1.0, 0.0], |c| [c.scale.si(), c.bias.si()]),
         }
     }
 
@@ -104,4 +101,13 @@ impl StageHardware {
     pub fn natural_hz(&self) -> f64 {
         self.stage.resonator.natural_rate / TAU
     }
+}
+
+/// That the noise of an electrode's channel is not known.
+pub fn noise_missing(experiment: &Experiment, electrode: &str) -> ConfigError {
+    let key = ["micro_stage", "electrodes", electrode, "noise_variance"];
+    let key = key.into_iter().fold(Key::from("device"), Key::child);
+    let remedy = "write it, such as `noise_variance = \"1.6e-11 V^2\"`, or let `kalmems identify` find it from a \
+                  recording with the role `zero_drive`";
+    experiment.error(key, ConfigFault::MissingKey { remedy: remedy.to_owned() })
 }

@@ -3,13 +3,13 @@
 use super::hardware::StageHardware;
 use crate::config::{DriveSource, Experiment};
 use crate::inspect::quantity;
-use crate::outlook::{Outlook, OutlookTopic};
+use crate::outlook::OutlookTopic;
 use crate::simulate::SimulateError;
 use kalmems_core::Portable;
 use std::f64::consts::TAU;
 
 /// The resonance, what each electrode says of a motion, and the angles at which an outer and an inner one balance.
-pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
+pub fn topics(experiment: &Experiment) -> Result<Vec<OutlookTopic>, SimulateError> {
     let hardware = StageHardware::of(experiment)?;
     let mut topics = vec![resonance(&hardware)];
     if let Some(DriveSource::Sine(sine)) = experiment.simulate.as_ref().map(|simulate| &simulate.drive) {
@@ -17,7 +17,7 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     }
     topics.push(electrodes(&hardware));
     topics.push(thresholds(&hardware));
-    Ok(Outlook::of(experiment, "micro_stage", topics))
+    Ok(topics)
 }
 
 fn resonance(hardware: &StageHardware) -> OutlookTopic {

@@ -2,6 +2,7 @@
 
 use super::hardware::StageHardware;
 use crate::config::{self, ConfigError, ConfigFault, Experiment, Key, RecordingRole};
+use crate::equations::differs_in_frequency;
 use crate::identify::{IdentifyError, Material};
 use crate::progress::Progress;
 use crate::recording::{FindingKind, Instant, ReadError, RecordingLayout, SampledRecording, unusable_signal};
@@ -17,8 +18,6 @@ pub struct StageRecord {
     pub label: String,
     /// When, in s.
     pub time_s: Vec<f64>,
-    /// The usual interval in s.
-    pub interval_s: f64,
     /// The drive.
     pub drive: Sine,
     /// The signals of the electrodes that the recording has, in V.
@@ -148,7 +147,7 @@ pub fn read(
             place,
             label: segment.label.clone(),
             time_s,
-            interval_s,
+
             drive: sine,
             signals: columns.iter().map(|column| column.of(segment).to_vec()).collect(),
             rate,
@@ -257,25 +256,13 @@ pub fn place(name: &str, label: &str) -> String {
     }
 }
 
-/// The largest part by which the drive's frequencies of records that belong together may differ.
-const SAME_FREQUENCY: f64 = 1e-4;
-
 /// Refuses records whose drives differ in frequency.
-///
-/// Feedthrough and delays depend on it, and the motion near a resonance depends on it strongly.
 pub fn require_one_frequency<'a>(
     records: impl IntoIterator<Item = (&'a str, &'a Sine)>,
 ) -> Result<(), IdentifyError> {
-    let mut first: Option<(&str, f64)> = None;
+    let mut first: Option<(&str, &Sine)> = None;
     for (place, drive) in records {
-        let (other, frequency_hz) = *first.get_or_insert((place, drive.frequency_hz));
-        if (drive.frequency_hz / frequency_hz - 1.0).abs() > SAME_FREQUENCY {
-            let why = format!(
-                "its drive has {:.2} Hz, where {other} has {frequency_hz:.2} Hz; records that are used together need one \
-                 frequency, or what the drive alone makes of the signal does not cancel: record them with the same \
-                 generator settings",
-                drive.frequency_hz
-            );
+        if let Some(why) = differs_in_frequency(drive, *first.get_or_insert((place, drive))) {
             return Err(IdentifyError::Unfit { recording: place.to_owned(), why });
         }
     }

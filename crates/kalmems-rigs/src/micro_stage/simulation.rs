@@ -1,7 +1,6 @@
 //! A recording of the stage that is computed.
 
-use super::hardware::StageHardware;
-use super::settings::noise_of;
+use super::hardware::{StageHardware, noise_missing};
 use crate::config::{ConfigError, ConfigFault, DriveSource, Experiment, Key, Quantity, StageConditions};
 use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation, WhiteNoise};
 use kalmems_core::Portable;
@@ -55,12 +54,19 @@ impl Conditions {
     }
 }
 
-const RECORDED: [SimulatedColumn; 5] = [
+/// What is recorded.
+pub const RECORDED: [SimulatedColumn; 5] = [
     SimulatedColumn { meaning: "drive", column: "drive_V" },
     SimulatedColumn { meaning: "signal_1A", column: "cap1A_V" },
     SimulatedColumn { meaning: "signal_1B", column: "cap1B_V" },
     SimulatedColumn { meaning: "signal_2A", column: "cap2A_V" },
     SimulatedColumn { meaning: "signal_2B", column: "cap2B_V" },
+];
+
+/// What is true.
+pub const TRUTH: [SimulatedColumn; 2] = [
+    SimulatedColumn { meaning: "rate", column: "rate_rad_per_s" },
+    SimulatedColumn { meaning: "angle", column: "angle_rad" },
 ];
 
 /// The electrodes in the order of the columns.
@@ -105,7 +111,7 @@ impl StageSimulation {
         }
         if simulate.noise && simulate.stage.as_ref().is_none_or(|stage| stage.single_shot_noise.is_none()) {
             for channel in &hardware.channels {
-                noise_of(experiment, channel)?;
+                channel.noise_variance.ok_or_else(|| noise_missing(experiment, &channel.name))?;
             }
         }
         let simulation = Self {
@@ -165,10 +171,7 @@ impl Simulation for StageSimulation {
     }
 
     fn truth(&self) -> &[SimulatedColumn] {
-        &[
-            SimulatedColumn { meaning: "rate", column: "rate_rad_per_s" },
-            SimulatedColumn { meaning: "angle", column: "angle_rad" },
-        ]
+        &TRUTH
     }
 
     fn samples(&self) -> u64 {

@@ -16,6 +16,7 @@ mod own_axes;
 mod own_circuit;
 mod own_commands;
 mod own_device;
+mod own_feedthrough;
 mod own_inputs;
 mod own_lock_in;
 mod own_loops;

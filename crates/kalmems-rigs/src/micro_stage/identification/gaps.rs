@@ -8,9 +8,9 @@ use super::waveform::{
     ELECTRODES, ElectrodeUnknowns, UNKNOWNS, WaveRecord, Waveforms, indeterminate, motion_by, unknown,
 };
 use crate::config::{ConfigFault, Experiment, FeedthroughBy, Key, TrustedNumber};
+use crate::equations::{BiasOffRecord, without_drive};
 use crate::fit::{DerivedNumber, Fit, FitError};
 use crate::identify::IdentifyError;
-use crate::micro_stage::feedthrough::{BiasOffRecord, without_drive};
 use crate::micro_stage::hardware::StageHardware;
 use crate::micro_stage::records::{StageRecord, StageRecords, require_one_frequency};
 use crate::signal::{Sine, fit_sine_at};
@@ -265,7 +265,7 @@ fn require_layout(
 }
 
 /// The record without bias that belongs to a record with bias, and the electrodes that its signals are of.
-pub fn off_of<'a>(
+fn off_of<'a>(
     off: &'a StageRecords,
     label: &str,
     place: &str,

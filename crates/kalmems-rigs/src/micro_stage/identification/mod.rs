@@ -29,8 +29,6 @@ pub use waveform::{
     indeterminate, motion_by, unknown,
 };
 
-pub(super) use gaps::off_of;
-
 use super::hardware::StageHardware;
 use super::records::{self, StageRecords, of_role};
 use crate::config::kinds::KindOf;

@@ -1,8 +1,8 @@
 //! What the fit of the waveforms takes as exact and is not: the sines that were taken off as feedthrough, and the motion by the vibrometer.
 
 use super::waveform::{UNKNOWNS, WaveRecord, Waveforms, unknown};
+use crate::equations::BiasOffRecord;
 use crate::fit::Fit;
-use crate::micro_stage::feedthrough::BiasOffRecord;
 use crate::signal::Sine;
 use kalmems_core::{Covariance, Portable};
 use std::f64::consts::TAU;
@@ -56,7 +56,7 @@ fn right_hand_sides(
     let sine_sd = |place: usize| {
         let (off, order) = errors.off?;
         let at = order.iter().position(|electrode| *electrode == electrodes[place])?;
-        Some(off.sd_per_volt(at)? * record.drive.amplitude / waveforms.noise[place])
+        Some(off.sd_per_unit(at)? * record.drive.amplitude / waveforms.noise[place])
     };
     let sine_sds: Vec<f64> = (0..waveforms.plates.len()).map(|place| sine_sd(place).unwrap_or(0.0)).collect();
     // A motion that is so much larger, in parts, and so much later, in s, by the noise of the vibrometer.

@@ -70,7 +70,7 @@ impl SineBlock {
 }
 
 /// The numbers that a sine and what it is known from are written as.
-const NUMBERS: usize = 19;
+pub const NUMBERS: usize = 19;
 
 impl DriveSine {
     /// From the head of a record, its samples with the usual interval; blocks have so many rows. `None` where the head follows
