@@ -38,7 +38,7 @@ pub fn published() -> &'static Workbench {
             .with(shared_scanner::two_axes::TwoAxesRig)
             .with(equations::PresetRig::<threshold_scanner::device::ThresholdScanner>::new())
             .with(micro_stage::MicroStageRig)
-            .with(accelerometer::AccelerometerRig)
+            .with(equations::PresetRig::<accelerometer::device::AccelerometerTable>::new())
             .with(equations::PresetRig::<piston_mirror::device::PistonMirror>::new())
             .with(equations::EquationsRig)
     })

@@ -102,10 +102,11 @@ pub fn values(table: &EquationsTable, device: &Device) -> &'static [ValueState] 
     let quantities: Vec<&Named> = device.quantities().iter().collect();
     let states = states.iter().filter(|named| !comes_round(named));
     // Of a sine the quantity is what the device is for.
-    let values: Vec<ValueState> = match sine {
+    let mut values: Vec<ValueState> = match sine {
         Some(_) => quantities.iter().chain(states).map(of).collect(),
         None => states.chain(&quantities).map(of).collect(),
     };
+    values.sort_by_key(|value| table.answer.as_deref() != Some(value.name));
     KNOWN.get(&values, || values.clone().into())
 }
 
