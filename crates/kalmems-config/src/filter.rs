@@ -77,13 +77,15 @@ pub struct FilterTable {
     /// The electrodes whose signals a filter of the micro-stage takes, by name; all that the recording has if left out.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub channels: Vec<String>,
-    /// Whether the acceleration is a known input, from a channel of the recording, in place of a state that is
-    /// estimated: what an instrument that is to measure it cannot have, for comparison with published results. False
-    /// if left out.
+    /// The same as `known = ["acceleration"]`: what an instrument that is to measure it cannot have. False if left out.
     #[serde(default, skip_serializing_if = "is_false")]
     pub known_acceleration: bool,
+    /// States that the filter is given as inputs instead of estimating them, each from the channel of its name in the recording: the mean of
+    /// both ends of each interval acts in it. What moves them is left out. For comparison with published results; none if left out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub known: Vec<String>,
     /// Over how long the variance of a sample is estimated from the innovations, by recursive least squares that forget;
-    /// it is the readout's if left out. For the accelerometer alone.
+    /// it is the readout's if left out. For a filter of one signal.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"20 ms")]
     pub noise_memory: Option<Quantity<Time, Positive>>,
@@ -359,6 +361,13 @@ inline_schema!(FilterName, "FilterName", |_| json_schema!({
 }));
 
 impl FilterTable {
+    /// The states that it is given as inputs, with the key that says so.
+    pub fn known_states(&self) -> (&'static str, impl Iterator<Item = &str>) {
+        let acceleration = self.known_acceleration.then_some("acceleration");
+        let key = if self.known_acceleration { "known_acceleration" } else { "known" };
+        (key, self.known.iter().map(String::as_str).chain(acceleration))
+    }
+
     /// The same of the keys about samples that are no samples of the signal.
     fn check_taking(&self, at: &Key) -> Result<(), (Key, ConfigFault)> {
         let word = self.method.word();

@@ -25,8 +25,8 @@ pub struct DeviceUses {
     pub reads_capacitance: bool,
     /// Whether there is no `readout` of a filter: the device's equations say all of it.
     pub states_readout: bool,
-    /// A filter's `noise_memory` and `known_acceleration`: it measures an acceleration.
-    pub acceleration: bool,
+    /// A filter's `noise_memory`, `known` and `known_acceleration`: the device is one of equations.
+    pub equations: bool,
     /// The dither of a simulation, which is added to a feedback.
     pub feedback: bool,
     /// The `channels` of a simulation: its measurements have names of their own.
@@ -91,16 +91,16 @@ impl DeviceUses {
                     return refuse(key("readout"), &why);
                 }
             }
-            if self.acceleration {
+            if self.equations {
                 continue;
             }
             if filter.noise_memory.is_some() {
                 let why = "no filter of this device estimates the variance of a sample; leave it out";
                 return refuse(key("noise_memory"), why);
             }
-            if filter.known_acceleration {
-                let why = "this device has no acceleration that could be known; leave it out";
-                return refuse(key("known_acceleration"), why);
+            let (known, mut names) = filter.known_states();
+            if names.next().is_some() {
+                return refuse(key(known), "no filter of this device is given a state; leave it out");
             }
         }
         let dithered = experiment.simulate.as_ref().is_some_and(|simulate| simulate.dither.is_some());

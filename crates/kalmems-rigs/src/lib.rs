@@ -38,7 +38,7 @@ pub fn published() -> &'static Workbench {
             .with(equations::PresetRig::of(&shared_scanner::SECOND_AXIS))
             .with(equations::PresetRig::<threshold_scanner::device::ThresholdScanner>::new())
             .with(equations::PresetRig::<micro_stage::device::MicroStage>::new())
-            .with(accelerometer::AccelerometerRig)
+            .with(equations::PresetRig::<accelerometer::device::AccelerometerTable>::new())
             .with(equations::PresetRig::<piston_mirror::device::PistonMirror>::new())
             .with(equations::EquationsRig)
     })

@@ -21,7 +21,7 @@ const OF_ANGLES: [&str; 3] = ["first_peak", "first_peak_y", "parts"];
 /// Those of a filter whose meaning the equations have in themselves or as events.
 const OF_FILTER: [&str; 2] = ["demodulator", "threshold"];
 /// Those that make another filter of it, which equations do not have.
-const OTHER_FILTER: [&str; 3] = ["variant", "noise_memory", "known_acceleration"];
+const OTHER_FILTER: [&str; 1] = ["variant"];
 /// The state of a readout's low-passes, which follow the others where they are lags.
 const LAGS: &str = "demodulator";
 /// Those of both that are written as events, where the device has them.

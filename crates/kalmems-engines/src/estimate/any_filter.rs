@@ -9,10 +9,11 @@ use super::{ConstantGain, GainOf, ModelAlone, ParameterCorrelation, StateName};
 use crate::config::Method;
 use kalmems_core::Portable;
 use kalmems_core::filter::Pole;
+use kalmems_core::riccati::{continuous_riccati, kalman_bucy_gain};
 use kalmems_core::update::Gate;
 use kalmems_core::{
-    Covariance, Ekf, Filter, FilterError, FixedGain, Gaussian, Innovation, IteratedEkf, Mat, OperatingPoint,
-    SchmidtEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, StateTransition, Ukf,
+    Covariance, Ekf, Filter, FilterError, FixedGain, Gaussian, Innovation, IteratedEkf, Mat, NoiseDensity,
+    OperatingPoint, SchmidtEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, StateTransition, Ukf,
 };
 use std::f64::consts::PI;
 
@@ -254,12 +255,39 @@ fn constant_gain<const N: usize>(
     let gain = match gain {
         (GainOf::Settled, _) => FixedGain::steady_state(mean, &point).map_err(|why| why.to_string())?,
         (GainOf::Poles(corner), interval_s) => {
-            let poles: Vec<Pole<f64>> = butterworth(N, corner).map(|pole| pole.sampled(interval_s)).collect();
+            let poles: Vec<Pole<f64>> =
+                placed(N, corner, transition).map(|pole| pole.sampled(interval_s)).collect();
             FixedGain::luenberger(mean, &poles, &point).map_err(|why| why.to_string())?
         }
-        (GainOf::Continuous, _) => return Err("the continuous filter is a process of its own".to_owned()),
+        (GainOf::Continuous, interval_s) => {
+            let none = || "its motion is known from sample to sample alone; use `steady_state`".to_owned();
+            let motion = transition.continuous().ok_or_else(none)?;
+            let slopes = Mat::from_fn(|i, j| motion.slopes.get(i * N + j).copied().unwrap_or(0.0));
+            let density = |i: usize| motion.densities.get(i).copied().unwrap_or(0.0);
+            let density =
+                NoiseDensity::from_lower(Mat::from_fn(|i, j| if i == j { density(i) } else { 0.0 }));
+            // Over an interval h the gain P·Hᵀ/(R·h) adds P·Hᵀ/R of what a sample leaves.
+            let sampled = NoiseDensity::none().on::<0>(variance * interval_s);
+            let settled = continuous_riccati(&slopes, &point.observation, &density, &sampled);
+            let settled = settled.map_err(|why| why.to_string())?;
+            let gain = kalman_bucy_gain(&settled, &point.observation, &sampled).scaled(interval_s);
+            FixedGain::from_gain(mean, gain, &point).map_err(|why| why.to_string())?
+        }
     };
     Ok(ConstantGain::new(&gain, &point))
+}
+
+/// The poles of an observer of this corner in rad/s: those of the motion itself that decay faster, which a gain could only slow, and for the rest a
+/// Butterworth low-pass's.
+fn placed(states: usize, corner: f64, transition: &dyn Transition) -> impl Iterator<Item = Pole<f64>> {
+    let size = |pole: &Pole<f64>| if matches!(pole, Pole::Real(_)) { 1 } else { 2 };
+    let decays = |pole: &Pole<f64>| match pole {
+        Pole::Real(real) | Pole::Pair { real, .. } => -real > corner,
+    };
+    let own = transition.continuous().map_or_else(Vec::new, |motion| motion.poles);
+    let own: Vec<Pole<f64>> = own.into_iter().filter(decays).collect();
+    let taken: usize = own.iter().map(size).sum();
+    own.into_iter().chain(butterworth(states.saturating_sub(taken), corner))
 }
 
 /// The poles of a Butterworth low-pass of this order and corner in rad/s.

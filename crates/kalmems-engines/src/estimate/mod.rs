@@ -23,6 +23,7 @@ mod lock;
 mod lock_in;
 mod loss_watch;
 mod model_alone;
+mod noise_estimate;
 mod part;
 mod past;
 mod phase_prediction;
@@ -69,6 +70,7 @@ pub use lock::{Lock, LockEvent, MotionRate, judge_lock};
 pub use lock_in::{LockInWindows, Swing, amplitude_of_line, current_line, inversion, lock_in};
 pub use loss_watch::Reacquisition;
 pub use model_alone::ModelAlone;
+pub use noise_estimate::NoiseEstimate;
 pub use part::{RowsAround, SegmentPart};
 pub(crate) use past::NumberBits;
 pub use past::{AnswerPast, FilterPast, Past, PastState};
@@ -87,4 +89,4 @@ pub use trajectory::{
     FilterFailure, FurtherSignal, NisConsistency, PHASE, ParameterCorrelation, Restart, SampleCounts,
     SignalConsistency, SignalName, StateSeries, TrackedPrior, Trajectory, TrajectoryKind,
 };
-pub use transition::{MeasurementSensor, ProcessTransition, Sensor, Transition};
+pub use transition::{ContinuousMotion, MeasurementSensor, ProcessTransition, Sensor, Transition};

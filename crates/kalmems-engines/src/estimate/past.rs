@@ -7,7 +7,8 @@ use super::gate::{Decisions, SampleGate};
 use super::lock::LockJudge;
 use super::lock_in::OpenWindow;
 use super::{
-    BatchStart, FilterBasics, MeanAndCovariance, PhasePredictor, SampleSelection, StatedSign, Trajectory,
+    BatchStart, FilterBasics, MeanAndCovariance, NoiseEstimate, PhasePredictor, SampleSelection, StatedSign,
+    Trajectory,
 };
 use crate::signal::{Sine, extremes_of_rate};
 use serde::{Deserialize, Serialize};
@@ -245,6 +246,8 @@ pub struct FilterPast {
     /// The start that was found in the segment's first samples, and the time in s of the row behind them: a smoother that goes over them again
     /// uses them once, as the filter did.
     start: Option<(f64, BatchStart)>,
+    /// The variance of a sample, where the filter estimates it.
+    pub noise: Option<NoiseEstimate>,
     /// What predicts zero phases, where they are asked for.
     pub predictor: Option<PhasePredictor>,
     /// The times of the zero phases that another run told last.

@@ -1,7 +1,7 @@
 //! Parameters of a device that are states of a filter.
 
 use super::TrackedPrior;
-use crate::config::{ConfigError, ConfigFault, Experiment, FilterTable, Key, Sign, TrackedNumber};
+use crate::config::{ConfigError, ConfigFault, Experiment, FilterTable, Key, Method, Sign, TrackedNumber};
 use crate::units::{Kind, kind};
 use kalmems_core::Parameters;
 use kalmems_core::augmentation::{AddedState, Drift};
@@ -200,8 +200,32 @@ pub(super) fn tracked(
             return Err(experiment.error(key, ConfigFault::Value { why }));
         }
         let sd = parameter.start_sd(experiment, &key, state)?;
+        if filter.method == Method::Bank {
+            require_constant(experiment, key, (parameter, sd, density))?;
+        }
         let added = AddedState { scale, drift: Drift::RandomWalk { density } };
         all.push(Tracked { parameter, added, sd });
     }
     Ok(all)
+}
+
+/// Refuses a parameter whose models would not be those of a bank: one that drifts, and a factor that may be 0.
+fn require_constant(
+    experiment: &Experiment,
+    key: Key,
+    (parameter, sd, density): (&DeviceParameter, f64, f64),
+) -> Result<(), ConfigError> {
+    let refuse = |name: &str, why: &str| {
+        Err(experiment.error(key.clone().child(name), ConfigFault::Value { why: why.to_owned() }))
+    };
+    if density > 0.0 {
+        return refuse("drift", "of each model of a bank the parameter is a constant; leave it out");
+    }
+    if parameter.is_factor() && sd >= 1.0 {
+        return refuse(
+            "start_sd",
+            "a parameter that is off by all of itself may be 0; write less than 100 %",
+        );
+    }
+    Ok(())
 }

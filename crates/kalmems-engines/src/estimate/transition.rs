@@ -4,6 +4,7 @@
 //! program runs, hands its numbers over in slices, and every filter is compiled once for each number of states, not once
 //! for each device.
 
+use kalmems_core::filter::Pole;
 use kalmems_core::{
     Covariance, Mat, Measurement, NumericMeasurement, NumericProcess, Process, ProcessNoise, Scalar,
 };
@@ -25,6 +26,11 @@ pub trait Transition {
         false
     }
 
+    /// The motion in continuous time where its linear part is taken; `None` where that is not known.
+    fn continuous(&self) -> Option<ContinuousMotion> {
+        None
+    }
+
     /// The lower triangle of the covariance of w, and of a root W of it, Q = W·Wᵀ.
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]);
 
@@ -32,6 +38,16 @@ pub trait Transition {
     fn moving(&self, states: usize) -> usize {
         states
     }
+}
+
+/// A linear motion in continuous time.
+pub struct ContinuousMotion {
+    /// ∂f/∂x, row by row.
+    pub slopes: Vec<f64>,
+    /// The power density of the noise of each state's rate.
+    pub densities: Vec<f64>,
+    /// Its eigenvalues in rad/s.
+    pub poles: Vec<Pole<f64>>,
 }
 
 /// What a sample says of the state: y = h(x) + v, one number.

@@ -69,6 +69,7 @@ fn missing(table: &FilterTable) -> Option<String> {
         demodulator: _,
         variant: _,
         known_acceleration: _,
+        known: _,
         // Another trajectory of the estimate, whose filter is the same.
         smooth: _,
         stays_lost: _,

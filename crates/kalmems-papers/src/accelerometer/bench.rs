@@ -1,15 +1,18 @@
 //! The thesis's instrument on the bench: runs of it, and the filters at work on them.
 
 use super::{failed, published::noise};
-use crate::estimate::{SampleSelection, Trajectory};
+use crate::config::{ConfigError, Experiment};
+use crate::estimate::{EstimateError, Trajectory};
 use crate::program::ReproduceError;
 use crate::progress::Silent;
-use kalmems_models::constants::{STANDARD_GRAVITY, VACUUM_PERMITTIVITY};
+use crate::recording::RecordingFromRows;
+use kalmems_models::constants::{BOLTZMANN, STANDARD_GRAVITY, VACUUM_PERMITTIVITY};
 use kalmems_models::control::{PiController, RebalanceLoop};
 use kalmems_rigs::accelerometer::{
-    Acceleration, AccelerometerHardware, AccelerometerPast, AccelerometerRun, AccelerometerSegment,
-    AccelerometerSettings, ControllerInput, ControllerTiming, Moment, closed_loop, estimate_segment,
+    Acceleration, AccelerometerHardware, AccelerometerRun, ControllerInput, ControllerTiming, Moment,
+    closed_loop,
 };
+use kalmems_rigs::equations::EquationsTable;
 use kalmems_rigs::published;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -21,11 +24,15 @@ pub const SKIP_S: f64 = 0.02;
 /// Of every sine here, in Hz (Table II).
 pub const SIGNAL_HZ: f64 = 10.0;
 
+/// The experiment, and what messages call it.
+const DEVICE: &str = include_str!("device.toml");
+const PLACE: &str = "accelerometer/device.toml";
+
 /// The instrument, in its loop.
 #[derive(Clone)]
 pub struct AccelerometerBench {
-    /// The filters, told the truth unless a caller changes it.
-    pub settings: AccelerometerSettings,
+    /// What the filters are told, the truth unless a caller changes it.
+    pub hardware: AccelerometerHardware,
     /// The loop.
     pub closed: RebalanceLoop<f64>,
 }
@@ -42,25 +49,23 @@ pub enum BenchFilter {
 impl AccelerometerBench {
     /// Tables I and II at this permittivity, biased for 10 g by equation 2-18.
     pub fn new(relative_permittivity: f64) -> Result<Self, ReproduceError> {
-        let wrong = |e: crate::config::ConfigError| failed("the published instrument")(e.into());
-        let path = Path::new("accelerometer/device.toml");
-        let experiment = published().parse(include_str!("device.toml"), path).map_err(wrong)?;
-        let mut settings = AccelerometerSettings::of(&experiment).map_err(wrong)?;
+        let wrong = |e: ConfigError| failed("the published instrument")(e.into());
+        let experiment = published().parse(DEVICE, Path::new(PLACE)).map_err(wrong)?;
+        let mut hardware = AccelerometerHardware::of(&experiment).map_err(wrong)?;
         let mut closed = closed_loop(&experiment, INTERVAL_S).map_err(wrong)?;
-        let hardware = &mut settings.hardware;
         let device = &mut hardware.sensed.device;
         device.plates.permittivity = relative_permittivity * VACUUM_PERMITTIVITY;
         device.bias = device.bias_for(10.0 * STANDARD_GRAVITY);
         hardware.readout.plates = device.plates;
         (closed.device, closed.readout) = (*device, hardware.readout);
-        Ok(Self { settings, closed })
+        Ok(Self { hardware, closed })
     }
 
     /// The linear instrument of the thesis's section 5.3, whose equation 5-1 knows nothing of what the plates take from
     /// the spring: that much is added to the spring.
     pub fn linear() -> Result<Self, ReproduceError> {
         let mut bench = Self::new(4.0)?;
-        let device = &mut bench.settings.hardware.sensed.device;
+        let device = &mut bench.hardware.sensed.device;
         device.mass.spring += device.electrostatic_spring(0.0);
         bench.closed.device = *device;
         Ok(bench)
@@ -69,8 +74,8 @@ impl AccelerometerBench {
     /// Without a loop: no bias, and nothing fed back.
     pub fn open(&self) -> Self {
         let mut bench = self.clone();
-        bench.settings.hardware.sensed.device.bias = 0.0;
-        bench.settings.hardware.has_feedback = false;
+        bench.hardware.sensed.device.bias = 0.0;
+        bench.hardware.has_feedback = false;
         bench.closed.device.bias = 0.0;
         bench.closed.controller = PiController { proportional: 0.0, integral: 0.0 };
         bench
@@ -78,10 +83,10 @@ impl AccelerometerBench {
 
     /// The hardware.
     pub fn hardware(&self) -> &AccelerometerHardware {
-        &self.settings.hardware
+        &self.hardware
     }
 
-    /// A run of `duration_s` under 10 Hz of this amplitude in g, with the noise of the settings.
+    /// A run of `duration_s` under 10 Hz of this amplitude in g, with the noise of the hardware.
     pub fn sine(&self, amplitude_g: f64, duration_s: f64, seed: u64) -> AccelerometerRun {
         let amplitude = amplitude_g * STANDARD_GRAVITY;
         self.run(Acceleration::Sine { amplitude, frequency_hz: SIGNAL_HZ }, duration_s, seed)
@@ -110,33 +115,63 @@ impl AccelerometerBench {
     /// Told the density Q of a force and the variance R, both off by these factors.
     pub fn tuned(&self, [q, r]: [f64; 2]) -> Self {
         let mut bench = self.clone();
-        bench.settings.hardware.force_density = q * noise::Q;
-        bench.settings.hardware.noise_variance = r * noise::R;
+        bench.hardware.force_density = q * noise::Q;
+        bench.hardware.noise_variance = r * noise::R;
         bench
     }
 
     /// What a filter makes of a recording. `None` where it refuses, or was stopped.
     pub fn estimate(&self, filter: BenchFilter, record: &BenchRecord) -> Option<Trajectory> {
-        let mut settings = self.settings.clone();
-        settings.filters.retain(|candidate| candidate.known_acceleration == (filter == BenchFilter::Told));
-        let data = AccelerometerSegment {
-            time_s: &record.time_s,
-            signal: &record.output,
-            feedback: Some(&record.feedback),
-            acceleration: Some(&record.acceleration),
-            interval_s: record.interval_s,
-        };
-        let samples = SampleSelection::whole(record.time_s.len(), record.interval_s);
-        let found = estimate_segment(
-            &settings,
-            &data,
-            &samples,
-            &mut AccelerometerPast::default(),
-            "the bench",
-            &Silent,
-        );
-        found.ok()?.into_iter().next()
+        let experiment = self.told(filter).ok()?;
+        follow(&experiment, record).ok()?
     }
+
+    /// The experiment with one filter that is told this hardware, on its equations alone: a mass that was pulled in is followed to its plate.
+    fn told(&self, filter: BenchFilter) -> Result<Experiment, ConfigError> {
+        let (hardware, device) = (&self.hardware, &self.hardware.sensed.device);
+        let temperature = hardware.force_density / (2.0 * BOLTZMANN * device.mass.damping);
+        // What has been parsed as an experiment is a table.
+        let mut file: toml::Table = DEVICE.parse().unwrap_or_default();
+        let mut set = |table: &str, key: &str, text: String| {
+            let of_device = file.get_mut("device").and_then(|device| device.get_mut("accelerometer"));
+            if let Some(toml::Value::Table(table)) = of_device.and_then(|device| device.get_mut(table)) {
+                table.insert(key.to_owned(), text.into());
+            }
+        };
+        set("proof_mass", "spring", format!("{:?} N/m", device.mass.spring));
+        set("proof_mass", "temperature", format!("{temperature:?} K"));
+        set(
+            "plates",
+            "relative_permittivity",
+            format!("{:?}", device.plates.permittivity / VACUUM_PERMITTIVITY),
+        );
+        set("readout", "noise_variance", format!("{:?} V^2", hardware.noise_variance));
+        set("acceleration", "rms", format!("{:?} m/s^2", hardware.sensed.prior.rms));
+        // Without a loop there is no bias.
+        set("feedback", "bias", format!("{:?} V", device.bias.max(f64::MIN_POSITIVE)));
+        let mut experiment =
+            published().parse(&toml::to_string(&file).unwrap_or_default(), Path::new(PLACE))?;
+        if let Some(estimate) = &mut experiment.estimate {
+            estimate.filters.retain(|own| own.known_acceleration == (filter == BenchFilter::Told));
+        }
+        let mut equations = (*experiment.device_in_terms_of::<EquationsTable>()?).clone();
+        equations.check = None;
+        experiment.set_device(equations);
+        Ok(experiment)
+    }
+}
+
+/// What the experiment's filter makes of a record.
+fn follow(experiment: &Experiment, record: &BenchRecord) -> Result<Option<Trajectory>, EstimateError> {
+    let rig = published().rig(experiment)?;
+    let header = ["time_s", "feedback_V", "output_V", "acceleration_m_per_s2"];
+    let mut rows = RecordingFromRows::new("recording.csv", &header, &rig.layout(experiment, 0)?)?;
+    let signals = record.feedback.iter().zip(&record.output).zip(&record.acceleration);
+    for (time_s, ((feedback, output), acceleration)) in record.time_s.iter().zip(signals) {
+        rows.push(&[*time_s, *feedback, *output, *acceleration]);
+    }
+    let found = rig.estimate(experiment, 0, &rows.finish()?, &Silent)?;
+    Ok(found.into_iter().next().and_then(|estimate| estimate.trajectories.into_iter().next()))
 }
 
 /// A run, column by column.

@@ -197,7 +197,7 @@ fn decimated(bench: &AccelerometerBench, seed: u64) -> Option<[[ErrorAndClaim; 2
             let fewer = record.decimated(count, averaged);
             let mut told = bench.clone();
             if averaged {
-                told.settings.hardware.noise_variance /= count as f64;
+                told.hardware.noise_variance /= count as f64;
             }
             let trajectory = told.estimate(BenchFilter::Honest, &fewer)?;
             let estimated = &trajectory.state("acceleration")?.mean;

@@ -110,7 +110,7 @@ fn found(
     let snr_db = decibels(rms(clean[from..].iter().copied()) / rms(differences(&record.seen, &clean, from)));
     let largest_m = record.displacement[from..].iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     let mut told = if structure == Structure::Open { bench.open() } else { bench.clone() };
-    told.settings.hardware.sensed.prior.rms = amplitude_g * STANDARD_GRAVITY;
+    told.hardware.sensed.prior.rms = amplitude_g * STANDARD_GRAVITY;
     let trajectory = told.estimate(BenchFilter::Honest, record)?;
     let estimated = &trajectory.state("acceleration")?.mean;
     let errors = rms(differences(estimated, &record.acceleration, from));

@@ -60,7 +60,7 @@ const KINDS: [AccelerationModel; 3] =
 /// The linear instrument in its loop: with readout noise, and no push of the molecules, which is what Table IV tells of.
 fn record(seed: u64) -> Result<(AccelerometerBench, BenchRecord), ReproduceError> {
     let mut bench = AccelerometerBench::linear()?;
-    bench.settings.hardware.force_density = 0.0;
+    bench.hardware.force_density = 0.0;
     let record = BenchRecord::of(&bench.sine(AMPLITUDE_G, DURATION_S, seed));
     Ok((bench, record))
 }

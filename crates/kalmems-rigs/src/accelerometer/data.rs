@@ -1,9 +1,9 @@
-//! What the estimators see of a segment.
+//! A segment of a recording.
 
 use crate::estimate::EstimateError;
 use crate::signal::GAP;
 
-/// One segment of a recording as the filters see it: the readout, the feedback and what is known of the acceleration.
+/// One segment of a recording: the readout and the feedback.
 #[derive(Clone, Copy, Debug)]
 pub struct AccelerometerSegment<'a> {
     /// When, in s.
@@ -12,8 +12,6 @@ pub struct AccelerometerSegment<'a> {
     pub signal: &'a [f64],
     /// The feedback in V that is applied from each sample to the next; `None` for an open loop.
     pub feedback: Option<&'a [f64]>,
-    /// The acceleration in m/s² as a known input, where the recording has it.
-    pub acceleration: Option<&'a [f64]>,
     /// The usual interval between samples in s.
     pub interval_s: f64,
 }
@@ -36,15 +34,9 @@ impl<'a> AccelerometerSegment<'a> {
         self.feedback.map_or(0.0, |feedback| feedback[k])
     }
 
-    /// Refuses a segment in which an input is not known throughout: neither a loop's feedback nor an acceleration
-    /// follows a law that would tell it.
-    pub fn require_whole(
-        &self,
-        input: Option<&[f64]>,
-        column: &str,
-        place: &str,
-    ) -> Result<(), EstimateError> {
-        let Some(input) = input else { return Ok(()) };
+    /// Refuses a segment in which the feedback is not known throughout: it follows no law that would tell it.
+    pub fn require_whole(&self, column: &str, place: &str) -> Result<(), EstimateError> {
+        let Some(input) = self.feedback else { return Ok(()) };
         // What is applied after the last sample does not matter.
         let steps = self.time_s.windows(2).zip(input);
         let unknown = |(times, value): &(&[f64], &f64)| {
@@ -54,33 +46,5 @@ impl<'a> AccelerometerSegment<'a> {
         let Some(first_s) = missing.next() else { return Ok(()) };
         let (place, column) = (place.to_owned(), column.to_owned());
         Err(EstimateError::DriveUnknown { place, column, count: 1 + missing.count(), first_s })
-    }
-}
-
-/// What drives a model over one interval.
-pub trait ModelInput: Copy {
-    /// Nothing.
-    const NONE: Self;
-
-    /// From sample `k` to the next.
-    fn after(data: &AccelerometerSegment, k: usize) -> Self;
-}
-
-/// The feedback alone.
-impl ModelInput for f64 {
-    const NONE: Self = 0.0;
-
-    fn after(data: &AccelerometerSegment, k: usize) -> Self {
-        data.feedback(k)
-    }
-}
-
-/// The acceleration, the mean of both ends, and the feedback.
-impl ModelInput for [f64; 2] {
-    const NONE: Self = [0.0; 2];
-
-    fn after(data: &AccelerometerSegment, k: usize) -> Self {
-        let mean = data.acceleration.map_or(0.0, |known| known[k].midpoint(known[k + 1]));
-        [mean, data.feedback(k)]
     }
 }

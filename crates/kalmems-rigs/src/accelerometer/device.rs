@@ -1,12 +1,12 @@
 //! The force-rebalance accelerometer.
 
-use crate::config::DeviceDescription;
-use crate::config::Quantity;
+use super::equations;
 use crate::config::kinds::{
     Acceleration, Area, Capacitance, Damping, Frequency, IntegralGain, Length, Mass, Ratio, SpringConstant,
     Temperature, Time, Voltage, VoltageVariance,
 };
 use crate::config::noise_schema;
+use crate::config::{DeviceDescription, Key, OtherTerms, Quantity};
 use crate::config::{NotNegative, Positive};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -31,6 +31,11 @@ pub struct AccelerometerTable {
 impl DeviceDescription for AccelerometerTable {
     const NAME: &'static str = "accelerometer";
     const SUMMARY: &'static str = "A force-rebalance accelerometer.";
+
+    fn in_other_terms(&self) -> Result<Option<OtherTerms>, (Key, String)> {
+        let meant = equations::in_other_terms(self);
+        meant.map(Some).map_err(|error| (Key::from("device.accelerometer"), error.to_string()))
+    }
 }
 
 /// A mass on a spring, moved by the molecules around it.

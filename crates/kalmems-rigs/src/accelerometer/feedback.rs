@@ -2,13 +2,11 @@
 
 use super::data::AccelerometerSegment;
 use super::identification::most_likely_with;
-use super::instrument::Instrument;
 use super::settings::AccelerometerHardware;
+use super::varied_instrument::{VariedInstrument, settled};
 use crate::estimate::EstimateError;
 use crate::spikes::without_spikes;
 use kalmems_core::FixedGain;
-use kalmems_figures::number;
-use kalmems_models::dynamics::SensedAcceleration;
 
 /// A way in which a recorded feedback may be wrong.
 struct Suspicion {
@@ -33,21 +31,6 @@ const CERTAIN: f64 = 50.0;
 /// Samples at most of which it is asked what mechanics would make of them.
 const ASKED: usize = 50_000;
 
-/// Refuses a recording in which something was fed back to a device that is described without a feedback: what it moved would be taken for the
-/// acceleration.
-pub fn require_none(data: &AccelerometerSegment, place: &str) -> Result<(), EstimateError> {
-    let fed = data
-        .feedback
-        .and_then(|volts| volts.iter().position(|v| v.is_finite() && *v != 0.0).map(|k| (k, volts[k])));
-    let Some((k, volts)) = fed else { return Ok(()) };
-    let why = format!(
-        "{} V are fed back at {} s, and the device has no feedback: add the table `[device.accelerometer.feedback]` with its `bias`",
-        number(volts),
-        number(data.time_s[k])
-    );
-    Err(EstimateError::Unfit { place: place.to_owned(), why })
-}
-
 /// Refuses a feedback under which the signal is far less likely than under one that is wrong in a known way.
 ///
 /// Each is followed by the settled gain of the model at rest. Where there is no such gain nothing is said; the filters
@@ -59,15 +42,14 @@ pub fn require_right(
     column: &str,
     place: &str,
 ) -> Result<(), EstimateError> {
-    let (true, Ok(instrument), Some(feedback)) =
-        (hardware.has_feedback, Instrument::sensed(hardware), data.feedback)
+    let (Ok((instrument, settled)), Some(feedback)) = (settled(hardware, data.interval_s), data.feedback)
     else {
         return Ok(());
     };
     // Two spikes would outweigh all other samples, for one suspicion or the other.
-    let signal = without_spikes(data.signal, instrument.noise_variance.sqrt());
+    let signal = without_spikes(data.signal, hardware.noise_variance.sqrt());
     let data = &AccelerometerSegment { signal: &signal, ..*data };
-    let Some((gain, suspicion)) = suspected(&instrument, data, feedback) else { return Ok(()) };
+    let Some((gain, suspicion)) = suspected((&instrument, settled), data, feedback) else { return Ok(()) };
     let other = suspicion.applied(feedback);
     let asked = |feedback: &[f64]| most_likely_with(hardware, &data.beginning(ASKED, feedback));
     let gain = match (asked(feedback), asked(&other)) {
@@ -84,18 +66,16 @@ pub fn require_right(
 
 /// What is far more likely than the feedback as recorded with the stated numbers, and by how much.
 fn suspected(
-    instrument: &Instrument<SensedAcceleration<f64>, 4>,
+    (instrument, settled): (&VariedInstrument<f64>, FixedGain<f64, 4, 1>),
     data: &AccelerometerSegment,
     feedback: &[f64],
 ) -> Option<(f64, &'static Suspicion)> {
-    let settled = FixedGain::steady_state([0.0; 4], &instrument.at_rest(data.interval_s)).ok()?;
-    let process = instrument.over(data.interval_s);
     let likelihood = |suspicion: &Suspicion| {
         let mut filter = settled;
         let mut total = 0.0;
         for (k, y) in data.signal.iter().enumerate() {
             if k > 0 {
-                filter.predict(&process, &suspicion.at(feedback, k - 1)).ok()?;
+                filter.predict(&instrument.process, &suspicion.at(feedback, k - 1)).ok()?;
             }
             if y.is_finite() {
                 total += filter.update(&instrument.readout, &[*y]).ok()?.log_likelihood();

@@ -1,9 +1,9 @@
 //! What can be said of an accelerometer before anything is recorded.
 
-use super::instrument::settled_acceleration_sd;
 use super::run::ControllerTiming;
 use super::settings::AccelerometerHardware;
 use super::simulation::{acting, closed_loop};
+use super::varied_instrument::settled_acceleration_sd;
 use crate::accelerometer::device::AccelerometerTable;
 use crate::config::{Experiment, Quantity};
 use crate::inspect::quantity;
@@ -23,8 +23,8 @@ const LOW_HZ: f64 = 10.0;
 const MICRO_G: f64 = 1e-6 * STANDARD_GRAVITY;
 const MILLI_G: f64 = 1e-3 * STANDARD_GRAVITY;
 
-/// Device, loop, noise and bounds.
-pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
+/// Device, loop, noise and bounds, and what the equations say.
+pub fn outlook(experiment: &Experiment, of_equations: Outlook) -> Result<Outlook, SimulateError> {
     let hardware = AccelerometerHardware::of(experiment)?;
     let rate_hz = sampling_rate(experiment);
     let described = closed_loop(experiment, rate_hz.map_or(0.0, f64::recip))?;
@@ -52,10 +52,9 @@ pub fn outlook(experiment: &Experiment) -> Result<Outlook, SimulateError> {
     if let Some(rate_hz) = rate_hz {
         topics.push(bounds(&hardware, &closed, (rate_hz, largest_feedback)));
     }
-    Ok(Outlook {
-        frequencies: over_frequency(&hardware, &closed, rate_hz),
-        ..Outlook::of(experiment, "accelerometer", topics)
-    })
+    let frequencies = over_frequency(&hardware, &closed, rate_hz);
+    topics.extend(of_equations.topics);
+    Ok(Outlook { topics, frequencies, ..of_equations })
 }
 
 /// The same device with nothing fed back.

@@ -1,14 +1,15 @@
 //! A run of the accelerometer: open, in its loop, or with an observer in the loop.
 
-use super::data::ModelInput;
-use super::instrument::{Instrument, ModelStep};
 use super::settings::AccelerometerHardware;
+use super::varied_instrument::{VariedInstrument, settled};
 use crate::simulate::{Drive, SimulateError, WhiteNoise};
 use kalmems_core::{
-    Dynamics, FilterError, FixedGain, LinearProcess, Mat, Measurement, NoiseDensity, NotAScale, Process,
-    Scalar,
+    Covariance, Dynamics, FilterError, FixedGain, HeldEtdrk4, LinearProcess, Mat, Measurement, NoiseDensity,
+    OperatingPoint, Process, Scalar, Scaled, Scales,
 };
 use kalmems_models::control::{Comparator, LoopStop, RebalanceLoop, SampledRebalance};
+use kalmems_models::dynamics::{Accelerometer, SensedAcceleration};
+use kalmems_models::readout::DifferentialReadout;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
@@ -107,10 +108,12 @@ impl AccelerometerRun {
         match (self.acting, self.observer) {
             (ControllerTiming::Continuously, _) => self.continuous(each),
             (_, ControllerInput::Output) => self.sampled(&mut NoLoopFilter, each),
-            (_, ControllerInput::Estimate) => self
-                .sampled(&mut SettledFilter::new(Instrument::sensed(&self.hardware), self.interval_s)?, each),
-            (_, ControllerInput::Told) => self
-                .sampled(&mut SettledFilter::new(Instrument::known(&self.hardware), self.interval_s)?, each),
+            (_, ControllerInput::Estimate) => {
+                self.sampled(&mut SettledFilter::sensed(&self.hardware, self.interval_s)?, each)
+            }
+            (_, ControllerInput::Told) => {
+                self.sampled(&mut SettledFilter::told(&self.hardware, self.interval_s)?, each)
+            }
         }
     }
 
@@ -258,7 +261,7 @@ impl LoopFilter for NoLoopFilter {
 }
 
 /// What a model takes of what happens until the next sample.
-trait StepInput: ModelInput {
+trait StepInput {
     fn of(acceleration: f64, feedback: f64) -> Self;
 }
 
@@ -276,28 +279,45 @@ impl StepInput for [f64; 2] {
     }
 }
 
-/// A settled Kalman filter in the loop.
+/// A settled Kalman filter in the loop, in states of their own scales.
 struct SettledFilter<D, const N: usize> {
-    instrument: Instrument<D, N>,
-    process: ModelStep<D, N>,
+    process: HeldEtdrk4<Scaled<D, f64, N>, f64, N>,
+    readout: Scaled<DifferentialReadout<f64>, f64, N>,
     filter: FixedGain<f64, N, 1>,
 }
 
-impl<D: Dynamics<f64, N, Input: StepInput> + Copy, const N: usize> SettledFilter<D, N> {
-    fn new(instrument: Result<Instrument<D, N>, NotAScale>, interval_s: f64) -> Result<Self, SimulateError> {
+impl SettledFilter<SensedAcceleration<f64>, 4> {
+    /// One that has the acceleration as a state.
+    fn sensed(hardware: &AccelerometerHardware, interval_s: f64) -> Result<Self, SimulateError> {
+        let found = settled(hardware, interval_s).map_err(|why| SimulateError::NoObserver { why })?;
+        let (VariedInstrument { process, readout, .. }, filter) = found;
+        Ok(Self { process, readout, filter })
+    }
+}
+
+impl SettledFilter<Accelerometer<f64>, 2> {
+    /// One that is told it.
+    fn told(hardware: &AccelerometerHardware, interval_s: f64) -> Result<Self, SimulateError> {
         let none = |why: String| SimulateError::NoObserver { why };
-        let instrument = instrument.map_err(|why| none(why.to_string()))?;
-        let filter = FixedGain::steady_state([0.0; N], &instrument.at_rest(interval_s))
-            .map_err(|why| none(why.to_string()))?;
-        Ok(Self { process: instrument.over(interval_s), instrument, filter })
+        let device = hardware.sensed.device;
+        let scales = Scales::natural(&device).map_err(|why| none(why.to_string()))?;
+        let brownian = device.mass.acceleration_density(hardware.force_density);
+        let density = scales.scale_density(&NoiseDensity::none().on::<1>(brownian));
+        let rest = (&[0.0; 2], &[0.0; 2]);
+        let process = HeldEtdrk4::new(Scaled::new(device, scales), interval_s, &density, rest);
+        let readout = Scaled::new(hardware.readout, scales);
+        let noise = Covariance::from_variances([hardware.noise_variance]);
+        let point = OperatingPoint::of(&process, (&readout, noise), rest);
+        let filter = FixedGain::steady_state([0.0; 2], &point).map_err(|why| none(why.to_string()))?;
+        Ok(Self { process, readout, filter })
     }
 }
 
 impl<D: Dynamics<f64, N, Input: StepInput> + Copy, const N: usize> LoopFilter for SettledFilter<D, N> {
     /// An output that is no number leaves it as it was.
     fn see(&mut self, output: f64) -> f64 {
-        let _: Result<_, FilterError> = self.filter.update(&self.instrument.readout, &[output]);
-        let [volts]: [f64; 1] = self.instrument.readout.predict(self.filter.mean());
+        let _: Result<_, FilterError> = self.filter.update(&self.readout, &[output]);
+        let [volts]: [f64; 1] = self.readout.predict(self.filter.mean());
         volts
     }
 

@@ -1,7 +1,6 @@
 //! What the rig takes from an experiment file, in SI.
 
-use super::filters::AccelerometerFilterSettings;
-use crate::accelerometer::device;
+use super::device::AccelerometerTable;
 use crate::config::{ConfigError, ConfigFault, Experiment, Quantity};
 use kalmems_figures::significant;
 use kalmems_models::capacitance::DifferentialPlates;
@@ -10,17 +9,6 @@ use kalmems_models::dynamics::{Accelerometer, GaussMarkov, ProofMass, SensedAcce
 use kalmems_models::noise::brownian_force_density;
 use kalmems_models::readout::DifferentialReadout;
 use std::f64::consts::TAU;
-
-/// What an experiment says of an accelerometer and of its filters, checked and in SI.
-#[derive(Clone, Debug)]
-pub struct AccelerometerSettings {
-    /// The device.
-    pub hardware: AccelerometerHardware,
-    /// How long a filter has to settle before it is scored, in s.
-    pub skip_s: f64,
-    /// The filters, in the order of the file.
-    pub filters: Vec<AccelerometerFilterSettings>,
-}
 
 /// The device, its noise, and what is known of the acceleration beforehand.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +28,11 @@ pub struct AccelerometerHardware {
 impl AccelerometerHardware {
     /// Reads what the file says of the device.
     pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let device = experiment.device::<device::AccelerometerTable>()?;
+        Ok(Self::of_table(&*experiment.device::<AccelerometerTable>()?))
+    }
+
+    /// The same of its table.
+    pub fn of_table(device: &AccelerometerTable) -> Self {
         let plates = DifferentialPlates {
             area: device.plates.area.si(),
             gap: device.plates.gap.si(),
@@ -59,7 +51,7 @@ impl AccelerometerHardware {
             carrier_mean_square: readout.carrier_mean_square.si() * carrier_amplitude * carrier_amplitude,
             bias: device.feedback.as_ref().map_or(0.0, |feedback| feedback.bias.si()),
         };
-        Ok(Self {
+        Self {
             sensed: SensedAcceleration {
                 device: instrument,
                 prior: GaussMarkov {
@@ -76,16 +68,7 @@ impl AccelerometerHardware {
             force_density: 0.5 * brownian_force_density(mass.damping.si(), mass.temperature.si()),
             noise_variance: readout.noise_variance.si(),
             has_feedback: device.feedback.is_some(),
-        })
-    }
-}
-
-impl AccelerometerHardware {
-    /// How long a free swing of the mass takes in s; without a spring, what its acceleration takes to change.
-    pub fn cycle_s(&self) -> f64 {
-        let ProofMass { mass, spring, .. } = self.sensed.device.mass;
-        let rate = if spring > 0.0 { (spring / mass).sqrt() } else { self.sensed.prior.rate };
-        TAU / rate
+        }
     }
 }
 
@@ -103,31 +86,5 @@ impl AccelerometerHardware {
             significant(device.electrostatic_spring(0.0))
         );
         Err(experiment.error("device.accelerometer.proof_mass.spring", ConfigFault::Value { why }))
-    }
-}
-
-impl AccelerometerSettings {
-    /// Reads and checks what the rig needs.
-    pub fn of(experiment: &Experiment) -> Result<Self, ConfigError> {
-        let hardware = AccelerometerHardware::of(experiment)?;
-        hardware.require_rest(experiment)?;
-        let Some(estimate) = &experiment.estimate else {
-            let remedy = "add the table `[estimate]` with `skip` and at least one `[[estimate.filter]]`";
-            return Err(experiment.error("estimate", ConfigFault::MissingKey { remedy: remedy.to_owned() }));
-        };
-        let unused = [
-            ("process_noise", !estimate.process_noise.is_empty()),
-            ("first_peak", estimate.first_peak.is_some()),
-            ("first_peak_y", estimate.first_peak_y.is_some()),
-        ];
-        if let Some((name, _)) = unused.into_iter().find(|(_, given)| *given) {
-            let why = "the accelerometer's noise is that of its temperature and of its acceleration, and its signal \
-                       tells the sign; leave it out";
-            return Err(experiment
-                .error(format!("estimate.{name}").as_str(), ConfigFault::Value { why: why.to_owned() }));
-        }
-        let filters =
-            (0..estimate.filters.len()).map(|i| AccelerometerFilterSettings::of(experiment, estimate, i));
-        Ok(Self { hardware, skip_s: estimate.skip.si(), filters: filters.collect::<Result<_, _>>()? })
     }
 }

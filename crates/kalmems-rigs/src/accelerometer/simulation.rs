@@ -1,14 +1,15 @@
 //! A recording of the accelerometer that is computed, from what the experiment says of it.
 
 use super::dither;
-use super::filters::entries;
 use super::run::{Acceleration, AccelerometerRun, ControllerInput, ControllerTiming};
-use super::settings::{AccelerometerHardware, AccelerometerSettings};
+use super::settings::AccelerometerHardware;
 use crate::accelerometer::device::{AccelerometerTable, ForceFeedback};
 use crate::config::{
-    AccelerationDrive, ConfigError, ConfigFault, DriveSource, Experiment, Key, Quantity, Sign, Simulate,
+    AccelerationDrive, ConfigError, ConfigFault, DriveSource, ExpectedEntry, Experiment, Key, Quantity, Sign,
+    Simulate,
 };
 use crate::simulate::{SimulateError, SimulatedColumn, SimulatedSample, Simulation};
+use crate::units::kind;
 use kalmems_models::control::{Comparator, PiController, RebalanceLoop};
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -19,10 +20,24 @@ pub struct AccelerometerSimulation {
     records_acceleration: bool,
 }
 
-const RECORDED: [SimulatedColumn; 3] = [
+/// The columns of a recording; that of the acceleration where a filter is given it.
+pub const RECORDED: [SimulatedColumn; 3] = [
     SimulatedColumn { meaning: "feedback", column: "feedback_V" },
     SimulatedColumn { meaning: "signal", column: "output_V" },
     SimulatedColumn { meaning: "acceleration", column: "known_acceleration_m_per_s2" },
+];
+
+/// Those of what is true.
+pub const TRUE: [SimulatedColumn; 3] = [
+    SimulatedColumn { meaning: "acceleration", column: "acceleration_m_per_s2" },
+    SimulatedColumn { meaning: "displacement", column: "displacement_m" },
+    SimulatedColumn { meaning: "velocity", column: "velocity_m_per_s" },
+];
+
+/// Where the mass is at the start.
+const START: [ExpectedEntry; 2] = [
+    ExpectedEntry::new("displacement", &kind::LENGTH, Sign::Any),
+    ExpectedEntry::new("velocity", &kind::VELOCITY, Sign::Any),
 ];
 
 /// What the file says of the device.
@@ -100,7 +115,7 @@ impl AccelerometerSimulation {
             let why = "no converter is built for the accelerometer; leave it out".to_owned();
             return Err(experiment.error("simulate.adc", ConfigFault::Value { why }).into());
         }
-        let start = experiment.values("simulate.start", &simulate.start, entries::<2>(Sign::Any))?;
+        let start = experiment.values("simulate.start", &simulate.start, START)?;
         if start != [0.0; 2] {
             let why =
                 "an accelerometer starts at rest: write `{ displacement = \"0 m\", velocity = \"0 m/s\" }`";
@@ -120,10 +135,9 @@ impl AccelerometerSimulation {
         if let Some(every_s) = computed_every_s.filter(|every_s| !closed.is_stable(*every_s)) {
             return Err(unstable(experiment, &closed, every_s).into());
         }
-        let knows =
-            |settings: AccelerometerSettings| settings.filters.iter().any(|filter| filter.known_acceleration);
+        let mut filters = experiment.estimate.iter().flat_map(|estimate| &estimate.filters);
         let records_acceleration =
-            experiment.estimate.is_some() && knows(AccelerometerSettings::of(experiment)?);
+            filters.any(|filter| filter.known_states().1.any(|name| name == "acceleration"));
         let through_observer = feedback(experiment).is_some_and(|feedback| feedback.through_observer);
         let (acceleration, full_carrier) = driven(experiment, &simulate.drive)?;
         let run = AccelerometerRun {
@@ -227,11 +241,7 @@ impl Simulation for AccelerometerSimulation {
     }
 
     fn truth(&self) -> &[SimulatedColumn] {
-        &[
-            SimulatedColumn { meaning: "acceleration", column: "acceleration_m_per_s2" },
-            SimulatedColumn { meaning: "displacement", column: "displacement_m" },
-            SimulatedColumn { meaning: "velocity", column: "velocity_m_per_s" },
-        ]
+        &TRUE
     }
 
     fn samples(&self) -> u64 {

@@ -1,7 +1,10 @@
 //! The instrument with other parameters than the experiment states, in any number.
 
 use super::settings::AccelerometerHardware;
-use kalmems_core::{Covariance, HeldEtdrk4, NotAScale, OperatingPoint, Parameters, Scalar, Scaled, Scales};
+use crate::simulate::SimulateError;
+use kalmems_core::{
+    Covariance, FixedGain, HeldEtdrk4, NotAScale, OperatingPoint, Parameters, Scalar, Scaled, Scales,
+};
 use kalmems_models::dynamics::SensedAcceleration;
 use kalmems_models::readout::DifferentialReadout;
 
@@ -22,12 +25,22 @@ pub struct Factors<T> {
     pub bandwidth: T,
 }
 
+impl<T: Scalar> Factors<T> {
+    /// As the experiment states it.
+    pub fn none() -> Self {
+        let one = T::of(1.0);
+        Self { spring: one, damping: one, mass: one, noise: one, acceleration: one, bandwidth: one }
+    }
+}
+
 /// The step of an instrument with the acceleration as a state.
 pub type VariedStep<T> = HeldEtdrk4<Scaled<SensedAcceleration<T>, T, 4>, T, 4>;
 
 /// An instrument over one interval, with the acceleration as a state, in scaled states.
 #[derive(Clone, Copy, Debug)]
 pub struct VariedInstrument<T> {
+    /// The unit of each state.
+    pub scales: Scales<T, 4>,
     /// How it gets from one sample to the next.
     pub process: VariedStep<T>,
     /// How it is read.
@@ -58,6 +71,7 @@ impl<T: Scalar<Mask = bool>> VariedInstrument<T> {
         let density = scales.scale_density(&sensed.noise(force_density));
         let rest = (&[T::of(0.0); 4], &T::of(0.0));
         Ok(Self {
+            scales,
             process: HeldEtdrk4::new(Scaled::new(sensed, scales), T::of(interval_s), &density, rest),
             readout: Scaled::new(hardware.readout.map(|_, value| T::of(value)), scales),
             noise: Covariance::from_variances([factors.noise * T::of(hardware.noise_variance)]),
@@ -69,4 +83,26 @@ impl<T: Scalar<Mask = bool>> VariedInstrument<T> {
         let zero = T::of(0.0);
         OperatingPoint::of(&self.process, (&self.readout, self.noise), (&[zero; 4], &zero))
     }
+}
+
+/// The standard deviation in m/s² that the Kalman filter claims of the acceleration once it has settled, with samples so many
+/// seconds apart: of all causal filters the least, for an acceleration as the device's table says.
+pub fn settled_acceleration_sd(
+    hardware: &AccelerometerHardware,
+    interval_s: f64,
+) -> Result<f64, SimulateError> {
+    let none = |why: String| SimulateError::NoObserver { why };
+    let (instrument, settled) = settled(hardware, interval_s).map_err(none)?;
+    Ok(instrument.scales.restore_covariance(settled.filtered_covariance()).standard_deviation(2))
+}
+
+/// The instrument as the experiment states it, and the filter in which it settles.
+pub fn settled(
+    hardware: &AccelerometerHardware,
+    interval_s: f64,
+) -> Result<(VariedInstrument<f64>, FixedGain<f64, 4, 1>), String> {
+    let instrument =
+        VariedInstrument::of(hardware, &Factors::none(), interval_s).map_err(|why| why.to_string())?;
+    let filter = FixedGain::steady_state([0.0; 4], &instrument.at_rest()).map_err(|why| why.to_string())?;
+    Ok((instrument, filter))
 }

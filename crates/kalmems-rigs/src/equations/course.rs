@@ -13,14 +13,15 @@ use super::phases::PhaseCourse;
 use crate::config::Variant;
 use crate::estimate::driven::SegmentDrive;
 use crate::estimate::{
-    Bridge, Course, DerivedQuantities, EVENTS, Filtering, MotionRate, NEVER, SampleCounts, SampleSelection,
-    Sensor, SignalName, StateName, Trajectory, by_signal_taken_for, by_signals,
+    Bridge, Course, DerivedQuantities, EVENTS, Filtering, MotionRate, NEVER, NoiseEstimate, SampleCounts,
+    SampleSelection, Sensor, SignalName, StateName, Trajectory, by_signal_taken_for, by_signals,
 };
 use crate::units::Kind;
 use kalmems_core::{FilterError, Innovation, Nodes};
 use kalmems_equations::Device;
 
 /// A measured channel over a segment.
+#[derive(Clone)]
 pub struct SegmentChannel<'a> {
     /// Its name.
     pub name: &'a str,
@@ -43,6 +44,7 @@ impl<'a> SegmentChannel<'a> {
 }
 
 /// What the filters see of a segment.
+#[derive(Clone)]
 pub struct EquationSegment<'a> {
     /// The recording and the segment, for messages.
     pub place: &'a str,
@@ -53,6 +55,8 @@ pub struct EquationSegment<'a> {
     /// The inputs, in the order of the device, and how many of them are stated; the rates of these are behind them.
     pub inputs: Vec<SegmentDrive<'a>>,
     pub stated_inputs: usize,
+    /// What is recorded of states that filters are given, by their places.
+    pub known: Vec<(usize, SegmentDrive<'a>)>,
     /// The measured channels that the recording has, in that order.
     pub channels: Vec<SegmentChannel<'a>>,
     /// The events whose times are looked for, in the order of the settings.
@@ -74,6 +78,18 @@ pub fn peak_after(inputs: &[SegmentDrive<'_>], from_s: f64) -> f64 {
 }
 
 impl EquationSegment<'_> {
+    /// The same with these states as inputs behind the stated ones.
+    pub fn giving(&self, known: &[usize]) -> Self {
+        let mut given = self.clone();
+        let stated = self.stated_inputs;
+        let of = |state: &usize| {
+            self.known.iter().find(|(known, _)| known == state).map(|(_, input)| input.clone())
+        };
+        given.inputs.splice(stated..stated, known.iter().filter_map(of));
+        given.stated_inputs += known.len();
+        given
+    }
+
     /// The inputs at a sample.
     pub fn inputs_at(&self, k: usize, to: &mut Vec<f64>) {
         to.clear();
@@ -118,6 +134,9 @@ pub struct EquationCourse<'a> {
     variances: Vec<f64>,
     /// The variance that a sample of its one signal is taken for, where that is not the noise's.
     signal_variance: Option<f64>,
+    /// The variance of a sample as the innovations tell it, where the filter estimates it: now, and where the way begins.
+    noise: Option<NoiseEstimate>,
+    first_noise: Option<NoiseEstimate>,
 }
 
 /// How far an interval may be from the usual one and still be stepped as such, relative to it.
@@ -159,6 +178,8 @@ impl<'a> EquationCourse<'a> {
             phases: None,
             variances: Vec::new(),
             signal_variance: None,
+            noise: None,
+            first_noise: None,
         }
     }
 
@@ -175,9 +196,15 @@ impl<'a> EquationCourse<'a> {
         Self { phase_rate, phases, ..self }
     }
 
-    /// What predicts zero phases, at the end of the way.
-    pub fn into_phases(self) -> Option<PhaseCourse> {
-        self.phases
+    /// What predicts zero phases, and the variance of a sample that was estimated, at the end of the way.
+    pub fn into_kept(self) -> (Option<PhaseCourse>, Option<NoiseEstimate>) {
+        (self.phases, self.noise)
+    }
+
+    /// The same, where the variance of a sample is estimated.
+    #[must_use]
+    pub fn estimating_noise(self, noise: Option<NoiseEstimate>) -> Self {
+        Self { first_noise: noise.clone(), noise, ..self }
     }
 
     /// The same, where a sample of its one signal is taken for this variance.
@@ -326,6 +353,15 @@ impl Course for EquationCourse<'_> {
     /// Σ ln p(g = 0 | what came before) over the events.
     fn conclude(&self, trajectory: &mut Trajectory) {
         trajectory.crossings_log_likelihood = self.log_likelihood;
+        if let Some(noise) = &self.noise {
+            trajectory.states.push(noise.series(trajectory.time_s.len()));
+        }
+    }
+
+    fn pass_over(&mut self) {
+        if let Some(noise) = &mut self.noise {
+            noise.add(None);
+        }
     }
 
     fn divide(&mut self, steps: usize) -> bool {
@@ -341,6 +377,7 @@ impl Course for EquationCourse<'_> {
 
     fn rewind(&mut self) {
         self.log_likelihood = 0.0;
+        self.noise.clone_from(&self.first_noise);
     }
 
     fn advance(
@@ -392,6 +429,23 @@ impl Course for EquationCourse<'_> {
         k: usize,
         counts: &mut SampleCounts,
     ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
+        let innovation = self.corrected(filter, k, counts)?;
+        if let Some(noise) = &mut self.noise {
+            // An outlier says nothing of the noise.
+            noise.add(innovation.as_ref().filter(|innovation| innovation.taken));
+        }
+        Ok(innovation)
+    }
+}
+
+impl EquationCourse<'_> {
+    /// Corrects a filter by sample `k`.
+    fn corrected(
+        &mut self,
+        filter: &mut dyn Filtering,
+        k: usize,
+        counts: &mut SampleCounts,
+    ) -> Result<Option<Innovation<f64, 1>>, FilterError> {
         self.tell(filter, k, counts)?;
         if !self.data.bends.is_empty() && self.data.bends.binary_search(&k).is_ok() {
             counts.drive_bends += 1;
@@ -405,7 +459,8 @@ impl Course for EquationCourse<'_> {
             channel.variance * self.model.noise_ratio(channel.measure, mean, inputs)
         };
         self.variances.clear();
-        self.variances.extend(channels().map(variance));
+        let found = self.noise.as_ref().map(NoiseEstimate::variance);
+        self.variances.extend(channels().map(|channel| found.unwrap_or_else(|| variance(channel))));
         if self.variant != Variant::Full {
             let Some((channel, variance)) = channels().zip(&self.variances).next() else { return Ok(None) };
             let printed = PrintedSensor(self.model.sensor(channel.measure, inputs));

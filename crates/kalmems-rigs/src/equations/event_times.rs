@@ -8,6 +8,7 @@ use kalmems_core::Portable;
 use std::ops::Range;
 
 /// The times of an event in a part of a segment.
+#[derive(Clone)]
 pub struct EventTimes<'a> {
     /// What is known of the event.
     pub settings: EventSettings,
@@ -16,6 +17,7 @@ pub struct EventTimes<'a> {
 }
 
 /// When an event happened.
+#[derive(Clone)]
 pub enum FoundEvents<'a> {
     /// By a channel: the rows that tell of it, and the times in s.
     Recorded(Vec<(usize, f64)>),

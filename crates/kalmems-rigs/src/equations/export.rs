@@ -498,6 +498,7 @@ fn test_samples(
         time_s: &time_s[..=count],
         inputs: drives,
         stated_inputs: own.device.own_inputs(),
+        known: Vec::new(),
         events: settings.events.iter().zip(&ago).map(happened).collect(),
         bends: Vec::new(),
         channels: signals

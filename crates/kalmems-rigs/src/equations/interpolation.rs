@@ -145,6 +145,18 @@ impl Interpolations {
         }
     }
 
+    /// Adds one for a further input beside these.
+    pub fn set(&mut self, inputs: &[String], input: &str, own: Interpolation) {
+        let mut each = Ordered::default();
+        for name in inputs.iter().map(String::as_str).chain(self.names()) {
+            if each.get(name).is_none() {
+                each.push(name, self.of(name));
+            }
+        }
+        each.push(input, own);
+        *self = Self::Each(each);
+    }
+
     /// The names that it has.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         let each = match self {

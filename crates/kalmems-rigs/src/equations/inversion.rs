@@ -1,5 +1,6 @@
 //! What each sample means by itself, where a measurement is that of one state or of one quantity.
 
+use super::held_source::HeldSource;
 use super::names;
 use super::range::QuantityRange;
 use super::segment::EquationFilterTask;
@@ -27,6 +28,8 @@ pub struct Inverse {
     state: usize,
     /// The quantity that the measurement reads, by its place, where that is not the state itself.
     quantity: Option<(usize, ReadoutProgram)>,
+    /// What holds the state where it is, where one other state does.
+    source: Option<HeldSource>,
     /// Where the others are.
     rest: Vec<f64>,
     /// Where the search may begin, with what is measured there: at rest, or where the measurement is finite.
@@ -69,7 +72,8 @@ impl Inverse {
                 "at rest its measurement does not change with {name}, so that a signal means two values of it; use `ekf`"
             ));
         }
-        Ok(Self { readout, state, quantity, rest: own.rest.clone(), begins })
+        let source = if quantity.is_none() { HeldSource::of(own, state) } else { None };
+        Ok(Self { readout, state, quantity, source, rest: own.rest.clone(), begins })
     }
 
     /// What it works on, with these values of all parameters: the measurement, and the quantity that it reads.
@@ -77,6 +81,7 @@ impl Inverse {
         InverseNumbers {
             readout: self.readout.work(values),
             quantity: self.quantity.as_ref().map(|(_, quantity)| quantity.work(values)),
+            source: self.source.as_ref().map(|source| source.work(values)),
         }
     }
 
@@ -152,6 +157,7 @@ impl Inverse {
 pub struct InverseNumbers {
     readout: ProgramNumbers,
     quantity: Option<ProgramNumbers>,
+    source: Option<ProgramNumbers>,
 }
 
 /// A measurement at values of one state, the others being at rest: what is measured where it is finite and changes with the state.
@@ -273,16 +279,31 @@ impl EquationFilterTask<'_> {
         let noise_sd = channel.variance.sqrt();
         let work = RefCell::new(inverse.work(&self.own.values));
         let rows = (self.data.time_s, channel.signal, &self.data.samples);
-        let found = inversion(&self.filter.basics, rows, &[answer], |k, signal| {
+        let tell = |k: usize, signal: f64| {
             if !signal.is_finite() {
                 return None;
             }
-            let inputs: Vec<f64> = self.data.inputs.iter().map(|input| input.sample(k).0).collect();
-            let ([value, slope], x) =
-                inverse.value_at(&mut work.borrow_mut(), &inputs, (signal, noise_sd))?;
+            let (mut inputs, mut work) = (Vec::new(), work.borrow_mut());
+            self.data.inputs_at(k, &mut inputs);
+            let ([value, slope], x) = inverse.value_at(&mut work, &inputs, (signal, noise_sd))?;
             let ratio =
                 self.models.first().map_or(1.0, |model| model.noise_ratio(channel.measure, &x, &inputs));
-            Some([(value, noise_sd * ratio.sqrt() / slope.abs())])
+            Some(((value, noise_sd * ratio.sqrt() / slope.abs()), x))
+        };
+        let basics = &self.filter.basics;
+        let Some(source) = &inverse.source else {
+            return Some(inversion(basics, rows, &[answer], |k, signal| Some([tell(k, signal)?.0])));
+        };
+        let held = states.get(source.state()).copied()?;
+        let found = inversion(basics, rows, &[answer, held], |k, signal| {
+            let ((value, sd), mut x) = tell(k, signal)?;
+            // What acted until the sample, and not from there on.
+            let acted = self.data.inputs.iter().zip(&self.own.between);
+            let inputs: Vec<f64> = acted
+                .map(|(input, between)| if k == 0 { input.sample(k).0 } else { between.nodes(input, k).end })
+                .collect();
+            let [source, slope] = source.value_at(work.borrow_mut().source.as_mut()?, &mut x, &inputs)?;
+            Some([(value, sd), (source, sd * slope.abs())])
         });
         Some(found)
     }

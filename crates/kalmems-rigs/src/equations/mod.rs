@@ -1,5 +1,6 @@
 //! A device of one's own: differential equations with units in the table `[device.equations]`, and everything works from them.
 
+mod absent;
 mod angles;
 mod axes;
 mod correction;
@@ -16,11 +17,13 @@ mod feedthrough_course;
 mod feedthrough_error;
 mod first_peak;
 mod followed_sine;
+mod held_source;
 mod input_part;
 mod instrument;
 mod interpolation;
 mod inversion;
 mod kinks;
+mod known;
 mod lines;
 mod model;
 mod names;
@@ -29,6 +32,7 @@ mod ordered;
 mod oscillation;
 mod outlook;
 mod own_filter;
+mod part_check;
 mod phase_lock;
 mod phases;
 mod preset;
@@ -49,16 +53,16 @@ mod trigger;
 mod visibility;
 mod waveform;
 
+pub use absent::AbsentInput;
 pub use feedthrough::{BiasOffRecord, differs_in_frequency, without_drive};
 pub use first_peak::sign_after_restart;
 pub use own_filter::estimate_with;
+pub use part_check::CheckedPart;
 pub use preset::{OwnExport, Preset, PresetRig, PresetVariant, meant};
 pub use table::{Demodulator, EquationsTable};
 pub use threshold::PassedThreshold;
 
-use crate::config::{
-    ConfigError, ConfigFault, DeviceKind, DeviceUses, Experiment, Key, Method, RecordingRole,
-};
+use crate::config::{ConfigError, ConfigFault, DeviceKind, DeviceUses, Experiment, Key, RecordingRole};
 use crate::estimate::{DeviceParameter, EstimateError};
 use crate::evaluate::ValueState;
 use crate::export::{ExportError, ExportRequest, Exported};
@@ -68,6 +72,7 @@ use crate::progress::Progress;
 use crate::recording::{Finding, FindingKind, RecordingLayout, SampledRecording};
 use crate::simulate::{SimulateError, Simulation};
 use crate::{Estimator, Expansion, RecordingChannels, Rig, StateDensity, Template, TemplateChannel};
+use interpolation::Interpolation;
 use kalmems_equations::Named;
 use segment::EquationEstimator;
 use settings::{EquationSettings, OwnDevice};
@@ -85,12 +90,6 @@ fn short(value: f64) -> String {
     if is_plain { kalmems_figures::significant(value) } else { format!("{value:.2e}") }
 }
 
-/// What equations of a motion and of its measurements do not tell.
-static NO_METHODS: [(Method, &str); 1] = [(
-    Method::KalmanBucy,
-    "its equations are stepped from sample to sample; use `steady_state`, whose gain is the same where samples are dense",
-)];
-
 /// The columns of a recording.
 struct EquationColumns<'a> {
     /// Those of the stated inputs, in the order of the device.
@@ -101,6 +100,10 @@ struct EquationColumns<'a> {
     events: Vec<(usize, &'a str)>,
     /// That of a trigger that tells the frequency of a sine.
     trigger: Option<&'a str>,
+    /// Those of states that filters know, in the order of their names.
+    known: Vec<(usize, &'a str)>,
+    /// Those of inputs that the device is described without.
+    absent: Vec<(AbsentInput, &'a str)>,
 }
 
 impl<'a> EquationColumns<'a> {
@@ -128,6 +131,15 @@ impl<'a> EquationColumns<'a> {
         let names = |all: &'_ [Named], places: &[usize]| -> Vec<String> {
             places.iter().map(|place| all[*place].name.to_string()).collect()
         };
+        let known = known::known_of_all(experiment, &device)?;
+        let of_known: Vec<String> =
+            known.iter().map(|place| device.states()[*place].name.to_string()).collect();
+        let absent =
+            table.absent.iter().filter_map(|absent| Some((*absent, channels.column(absent.channel)?)));
+        let absent: Vec<_> = absent.collect();
+        // What the device is for may be recorded beside its signals, and a filter that is not given it does not take it.
+        let unused = table.answer.iter().filter(|answer| channels.column(answer).is_some());
+        let unused = unused.filter(|answer| !of_known.contains(answer)).cloned();
         let shown = table.instruments.iter().map(|(name, _)| name.to_owned());
         let shown = shown.filter(|name| channels.column(name).is_some());
         let stated = device.own_inputs();
@@ -139,6 +151,9 @@ impl<'a> EquationColumns<'a> {
             .chain(names(device.measures(), &measures))
             .chain(names(device.events(), &events))
             .chain(trigger.map(|trigger| trigger.channel.clone()))
+            .chain(of_known.iter().cloned())
+            .chain(absent.iter().map(|(absent, _)| absent.channel.to_owned()))
+            .chain(unused)
             // What an instrument showed may stand there, and nothing takes it.
             .chain(shown)
             .collect();
@@ -146,12 +161,15 @@ impl<'a> EquationColumns<'a> {
         let mut columns = experiment.columns_of(key, channels, &meanings)?;
         let mut others = columns.split_off(stated);
         let mut of_events = others.split_off(measures.len());
-        let of_trigger = of_events.split_off(events.len());
+        let mut of_trigger = of_events.split_off(events.len());
+        let of_known = of_trigger.split_off(usize::from(trigger.is_some()));
         Ok(Self {
             inputs: columns,
             measured: measures.into_iter().zip(others).collect(),
             events: events.into_iter().zip(of_events).collect(),
             trigger: of_trigger.first().copied(),
+            known: known.into_iter().zip(of_known).collect(),
+            absent,
         })
     }
 
@@ -172,6 +190,8 @@ impl<'a> EquationColumns<'a> {
     /// All of them.
     fn all(&self) -> Vec<&'a str> {
         let others = self.measured.iter().chain(&self.events).map(|(_, column)| *column);
+        let others = others.chain(self.known.iter().map(|(_, column)| *column));
+        let others = others.chain(self.absent.iter().map(|(_, column)| *column));
         self.inputs.iter().copied().chain(others).chain(self.trigger).collect()
     }
 }
@@ -222,8 +242,6 @@ impl Rig for EquationsRig {
 
     fn uses(&self, experiment: &Experiment) -> DeviceUses {
         let has_angles = !self.angles(experiment).is_empty();
-        // A loop on a sine has the gain of the continuous filter too, and so has one gain for all of a swing.
-        let is_sine = EquationsTable::of(experiment).is_ok_and(|(table, _)| table.sine.is_some());
         DeviceUses {
             several_signals: true,
             simulated_channels: true,
@@ -232,7 +250,7 @@ impl Rig for EquationsRig {
             start_about: true,
             states_readout: true,
             angles: has_angles,
-            no_methods: if is_sine || has_angles { &[] } else { &NO_METHODS },
+            equations: true,
             ..DeviceUses::default()
         }
     }
@@ -245,8 +263,13 @@ impl Rig for EquationsRig {
         };
         EquationsTable::of(experiment).map_or_else(
             |_| RecordingChannels::default(),
-            |(_, device)| RecordingChannels {
-                inputs: device.inputs().iter().filter_map(there).collect(),
+            |(table, device)| RecordingChannels {
+                // What is held may be fed back, and follows the noise of the signals then: how these go with it at another time says nothing of when it
+                // was recorded.
+                inputs: (device.inputs().iter())
+                    .filter(|named| table.interpolation.of(&named.name) != Interpolation::Hold)
+                    .filter_map(there)
+                    .collect(),
                 signals: device.measures().iter().filter_map(there).collect(),
             },
         )

@@ -1,13 +1,16 @@
 //! A device's equations as filters run them: the step over an interval, and what is read.
 
 use crate::estimate::driven::{ParameterStep, SegmentDrive};
-use crate::estimate::{DerivedQuantities, Sensor, StateName, Tracked, Transition, deviation};
+use crate::estimate::{
+    ContinuousMotion, DerivedQuantities, Sensor, StateName, Tracked, Transition, deviation,
+};
 use kalmems_core::augmentation::AddedState;
 use kalmems_core::discretize::discretize;
+use kalmems_core::filter::Pole;
 use kalmems_core::{Covariance, Mat, Nodes, NoiseDensity, ProcessNoise};
 use kalmems_equations::{
     Device, EquationError, MOST_STATES, Mode, Motion, NoiseKind, ProgramNumbers, Reading, ReadoutProgram,
-    ResetStep, Resets, StepTables,
+    ResetStep, Resets, StepTables, modes,
 };
 use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
@@ -801,6 +804,21 @@ impl Transition for UnderInputs<'_> {
         });
         self.concluded(finite, x, to);
         true
+    }
+
+    fn continuous(&self) -> Option<ContinuousMotion> {
+        let (slopes, moving) = (self.model.linear_at_rest(), self.model.moving());
+        let poles = modes(&slopes, moving)?;
+        // Of a pair the second one says the same.
+        let poles = poles.iter().filter(|mode| mode.rate >= 0.0).map(|mode| match mode.oscillates() {
+            false => Pole::Real(mode.growth),
+            true => Pole::Pair { real: mode.growth, imaginary: mode.rate },
+        });
+        Some(ContinuousMotion {
+            poles: poles.collect(),
+            densities: self.model.rate_densities().to_vec(),
+            slopes,
+        })
     }
 
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {

@@ -106,10 +106,7 @@ pub fn values(table: &EquationsTable, device: &Device) -> &'static [ValueState] 
         Some(_) => quantities.iter().chain(states).map(of).collect(),
         None => states.chain(&quantities).map(of).collect(),
     };
-    let main = table.main.as_deref();
-    if let Some(place) = values.iter().position(|value| Some(value.name) == main) {
-        values[..=place].rotate_right(1);
-    }
+    values.sort_by_key(|value| table.answer.as_deref() != Some(value.name));
     KNOWN.get(&values, || values.clone().into())
 }
 

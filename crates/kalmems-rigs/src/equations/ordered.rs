@@ -55,6 +55,16 @@ impl<T> Ordered<T> {
         self.0.iter_mut().filter(|(own, _)| own == name).for_each(|(_, value)| *value = to(value));
     }
 
+    /// Leaves those of these names alone.
+    pub fn retain(&mut self, keeps: impl Fn(&str) -> bool) {
+        self.0.retain(|(name, _)| keeps(name));
+    }
+
+    /// Adds one behind the others.
+    pub fn push(&mut self, name: &str, value: T) {
+        self.0.push((name.to_owned(), value));
+    }
+
     /// What stands behind a name.
     pub fn get(&self, name: &str) -> Option<&T> {
         self.iter().find(|(own, _)| *own == name).map(|(_, value)| value)

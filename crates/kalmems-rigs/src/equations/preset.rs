@@ -69,6 +69,11 @@ pub trait Preset: DeviceDescription {
         Vec::new()
     }
 
+    /// Whether a simulation of it may add a dither to its feedback.
+    fn takes_dither(&self) -> bool {
+        false
+    }
+
     /// A simulation of its own, where its equations do not say how the experiment's recording is made.
     fn simulation(experiment: &Experiment) -> Result<Option<Box<dyn Simulation>>, SimulateError> {
         let _ = experiment;
@@ -175,6 +180,7 @@ impl<T: Preset> Rig for PresetRig<T> {
             states_readout: false,
             crossings,
             events: !crossings && has(|table| !table.events.is_empty()),
+            feedback: experiment.device::<T>().is_ok_and(|device| device.takes_dither()),
             simulated_channels: !T::SIMULATES_ITSELF && uses.simulated_channels,
             ..uses
         }

@@ -26,9 +26,9 @@ use crate::crossings::RowsNeeded;
 use crate::estimate::driven::{BLOCK, DrivePast, HYBRID_STEPS, InterpolationLag, SegmentDrive};
 use crate::estimate::{
     AngleAxis, AnyFilter, BatchStart, Course, EstimateError, FilterPast, FilterSideOutputs,
-    MeanAndCovariance, MotionRate, Past, RecordedPassing, RowsAround, SampleSelection, SegmentEstimate,
-    SegmentPart, Sensor, SideOutputs, SignalSegment, StartedCourse, Trajectory, Transition, answers_of_bank,
-    begun, follow,
+    MeanAndCovariance, MotionRate, NoiseEstimate, Past, RecordedPassing, RowsAround, SampleSelection,
+    SegmentEstimate, SegmentPart, Sensor, SideOutputs, SignalSegment, StartedCourse, Trajectory, Transition,
+    answers_of_bank, begun, follow,
 };
 use crate::progress::{Interruption, Progress, Silent};
 use crate::recording::{Finding, SampledRecording};
@@ -101,6 +101,25 @@ impl<'a> SampledInputs<'a, '_> {
             all.push(self.of((index, column), foresees, |kept, stop| {
                 SegmentDrive::of_column(of, time_s, samples, kept, stop)
             })?);
+        }
+        Ok(all)
+    }
+
+    /// Those of states that filters are given, by their places, behind so many inputs.
+    fn known(
+        &mut self,
+        (own, first): (&OwnDevice, usize),
+        columns: &EquationColumns,
+    ) -> Result<Vec<(usize, SegmentDrive<'a>)>, EstimateError> {
+        let mut all = Vec::new();
+        for (index, (state, column)) in columns.known.iter().enumerate() {
+            let values =
+                self.segment.recording.column_of(column, names::kind_of(&own.device.states()[*state]))?;
+            let (SignalSegment { time_s, segment, .. }, samples) = (self.segment, self.samples);
+            let drive = self.of((first + index, column), false, |kept, stop| {
+                SegmentDrive::of_column((values, *segment), time_s, samples, kept, stop)
+            })?;
+            all.push((*state, drive));
         }
         Ok(all)
     }
@@ -279,7 +298,7 @@ impl Estimator for EquationEstimator<'_> {
 
     fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (settings, past) = (&self.settings, &mut self.past);
-        let OwnDevice { device, values, .. } = &*settings.own;
+        let device = &settings.own.device;
         let wrong = |error: EquationError| EstimateError::from(refused(self.experiment, &error));
         let Some((first, column)) = self.columns.measured.first().copied() else {
             let why = "no channel of the recording is measured of the device".to_owned();
@@ -305,8 +324,9 @@ impl Estimator for EquationEstimator<'_> {
         let mut inputs = sampled.stated(&settings.own, &self.columns)?;
         let rates = rates_of_inputs(device, &inputs, segment.interval_s);
         sampled.add_rates(&mut inputs, (device, &rates), &self.columns)?;
-        let at_rest = (values.as_slice(), &*settings.own.rest, &*settings.own.bandwidths);
-        let (_, variances) = noises(device, at_rest, segment.interval_s.recip()).map_err(wrong)?;
+        let known = sampled.known((&settings.own, inputs.len()), &self.columns)?;
+        self.columns.require_right(self.experiment, (device, part.begins), &segment)?;
+        let variances = variances(&settings.own, segment.interval_s).map_err(wrong)?;
         let mut channels = channels((self.experiment, &settings.own), &self.columns, &variances, &segment)?;
         let (signals, taken_off) = match &settings.own.feedthrough {
             None => Default::default(),
@@ -344,6 +364,7 @@ impl Estimator for EquationEstimator<'_> {
             time_s: &segment.time_s,
             inputs,
             stated_inputs: device.own_inputs(),
+            known,
             channels,
             events,
             bends,
@@ -425,6 +446,12 @@ fn bends(own: &OwnDevice, channels: &[SegmentChannel<'_>], of: (&[f64], &[Segmen
     rows.sort_unstable();
     rows.dedup();
     rows
+}
+
+/// The variance of a sample of each measurement at rest, at this interval in s.
+fn variances(own: &OwnDevice, interval_s: f64) -> Result<Vec<Option<f64>>, EquationError> {
+    let at = (&*own.values, &*own.rest, &*own.bandwidths);
+    Ok(noises(&own.device, at, interval_s.recip())?.1)
 }
 
 /// The measured channels over a segment, with the variance of a sample of each.
@@ -578,6 +605,8 @@ impl Answers<'_> {
             // Without a stated sign it is as the filter has it.
             let mirrored = if settings.signs.is_empty() { Some(false) } else { past.is_mirrored() };
             let models = self.models.get(index).map_or(&[][..], Vec::as_slice);
+            let given = (!filter.known.is_empty()).then(|| data.giving(&filter.known));
+            let data = given.as_ref().unwrap_or(data);
             let task = EquationFilterTask {
                 side_outputs: outputs.of_filter(index, (rate, mirrored), start_s),
                 own_filter: Some(self.own_filter),
@@ -661,6 +690,9 @@ impl EquationFilterTask<'_> {
         if basics.method == Method::LockIn {
             return Ok(vec![self.lock_in(past, &self.own.states())?]);
         }
+        if basics.method == Method::EulerEkf {
+            self.require_slow()?;
+        }
         let channels = self.channels();
         let steps = if basics.method == Method::HybridEkf { HYBRID_STEPS } else { 1 };
         // A filter that goes on from another run has been started there.
@@ -680,11 +712,12 @@ impl EquationFilterTask<'_> {
             from_signal.or_else(|| by_swing.clone()).or_else(|| self.filter.stated()).unwrap_or_default()
         };
         let used = (&*channels, &*self.filter.events);
-        let course_of = |(index, model), phases| {
+        let course_of = |(index, model), phases, noise| {
             let course = EquationCourse::new(model, (self.data, &self.own.between), used, steps)
                 .answering(&self.own.device)
                 .telling_phases(self.side_outputs.phase_rate(), phases)
                 .taking_samples_for(self.filter.signal_variance)
+                .estimating_noise(noise)
                 .taking_signal(self.filter.variant);
             // The model alone is corrected by nothing, wherever it starts.
             let corrects = basics.method != Method::Model;
@@ -693,7 +726,8 @@ impl EquationFilterTask<'_> {
         };
         if basics.method == Method::Bank {
             let courses = self.models.iter().enumerate();
-            let courses = courses.map(|model| -> Box<dyn Course + '_> { Box::new(course_of(model, None)) });
+            let courses =
+                courses.map(|model| -> Box<dyn Course + '_> { Box::new(course_of(model, None, None)) });
             let way = (courses.collect(), &self.data.samples);
             return answers_of_bank((basics, past), |index| Ok(known(index)), way, &states, self.progress);
         }
@@ -709,13 +743,15 @@ impl EquationFilterTask<'_> {
         let predictor = self.side_outputs.predictor(basics, self.data.samples.interval_s, past)?;
         let (from_s, interval_s) = (self.side_outputs.from_s, self.data.samples.interval_s);
         let phases = predictor.map(|predictor| PhaseCourse::new(predictor, from_s, interval_s));
-        let mut course = course_of((0, model), phases);
+        let noise = self.noise(past);
+        let mut course = course_of((0, model), phases, noise);
         let way = (&mut course as _, &self.data.samples);
         // A start from the signal has the states of the readout, as what another run left has.
         let begin =
             |left| self.begin((begun(left, start_of(&starts, 0)), known(0), operating), model, &channels);
         let mut all = follow((basics, &mut *past), begin, way, &states, self.progress)?;
-        past.predictor = course.into_inner().into_phases().map(PhaseCourse::into_predictor);
+        let (phases, noise) = course.into_inner().into_kept();
+        (past.predictor, past.noise) = (phases.map(PhaseCourse::into_predictor), noise);
         if basics.method == Method::Model {
             all.iter_mut().for_each(Trajectory::mark_model_alone);
         }
@@ -729,6 +765,28 @@ impl EquationFilterTask<'_> {
         let series = all.iter_mut().flat_map(|trajectory| &mut trajectory.states);
         series.filter(|state| stated.contains(&state.name)).for_each(|state| state.sd.clear());
         Ok(all)
+    }
+
+    /// Refuses a device some of whose motion decays faster than Euler's method follows it, |1 + λ·h| < 1.
+    fn require_slow(&self) -> Result<(), EstimateError> {
+        let decays = self.own.modes.iter().filter(|mode| !mode.oscillates() && mode.growth < 0.0);
+        let rate_hz = decays.map(|mode| -0.5 * mode.growth).fold(0.0, f64::max);
+        let interval_s = self.data.samples.interval_s;
+        if interval_s * rate_hz < 1.0 {
+            return Ok(());
+        }
+        let filter = self.filter.basics.name.clone();
+        Err(EstimateError::EulerUnstable { filter, interval_s, rate_hz })
+    }
+
+    /// The variance of a sample as it was estimated until here, where the filter estimates it.
+    fn noise(&self, past: &mut FilterPast) -> Option<NoiseEstimate> {
+        let memory_s = self.filter.noise_memory_s?;
+        let channel = self.channels().first().and_then(|place| self.data.channels.get(*place))?;
+        let begun = || NoiseEstimate::new(channel.variance, memory_s / self.data.samples.interval_s);
+        let mut noise = past.noise.take().unwrap_or_else(begun);
+        noise.going_on();
+        Some(noise)
     }
 
     /// The channels that correct it.

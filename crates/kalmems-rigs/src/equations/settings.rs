@@ -8,6 +8,7 @@ use super::feedthrough::InputFeedthrough;
 use super::first_peak::AngleSign;
 use super::interpolation::Interpolation;
 use super::inversion::Inverse;
+use super::known::{KnownDevice, known_states};
 use super::model::{EquationModel, RateDensity, StepRule, noises, pace};
 use super::names;
 use super::oscillation::{MeasuredOscillation, OscillationTable};
@@ -53,6 +54,10 @@ pub struct OwnDevice {
     rates: Vec<usize>,
     /// The states that the drive moves each by a sine of its own, where the table names several.
     pub axes: Vec<DrivenAxis>,
+    /// The state that it is for, where the table says so.
+    answer: Option<usize>,
+    /// The states whose size its table states, such as an acceleration that is to be measured.
+    pub sized: Vec<usize>,
     /// The cycles of the drive in one of the motion.
     pub drive_cycles: f64,
     /// The signs of states that its measurements do not tell.
@@ -72,7 +77,7 @@ impl OwnDevice {
     }
 
     /// The device that a table of an experiment describes.
-    fn of_table(experiment: &Experiment, table: &EquationsTable) -> Result<Self, ConfigError> {
+    pub(super) fn of_table(experiment: &Experiment, table: &EquationsTable) -> Result<Self, ConfigError> {
         let device = table.device(experiment)?;
         let values = device.values();
         let stated = device.inputs().iter().take(device.own_inputs());
@@ -89,7 +94,6 @@ impl OwnDevice {
         let rates = table.angles.iter().filter_map(|(_, rate)| device.state(rate.trim())).collect();
         let feedthrough = InputFeedthrough::of(experiment, table, &device)?;
         let corrections = StateCorrection::of(experiment, &table.correction, &device)?;
-        require_main(experiment, table, &device)?;
         let called = |named: &Named| {
             let other = table.channel_keys.iter().find(|(_, measure)| **measure == *named.name);
             other.map_or_else(|| named.name.to_string(), |(key, _)| key.clone())
@@ -98,8 +102,14 @@ impl OwnDevice {
         let own = Self::with(device, values, between, &about).map_err(|error| refused(experiment, &error))?;
         let axes = DrivenAxis::named(experiment, table, &own)?;
         let drive_cycles = table.oscillation.as_ref().map_or(1.0, OscillationTable::drive_cycles);
+        // An oscillation is judged by the state that oscillates.
+        let answer = table.answer_of(experiment, &own.device)?.filter(|_| table.oscillation.is_none());
+        let sized = (0..own.device.states().len()).filter(|state| {
+            own.device.states().get(*state).is_some_and(|named| table.usual.contains_key(&*named.name))
+        });
+        let sized = sized.collect();
         let own = Self { bandwidths, ranges, angles, rates, axes, drive_cycles, ..own };
-        Ok(Self { signal_names, feedthrough, corrections, ..own })
+        Ok(Self { answer, sized, signal_names, feedthrough, corrections, ..own })
     }
 
     fn with(
@@ -138,6 +148,8 @@ impl OwnDevice {
             angles: Vec::new(),
             rates: Vec::new(),
             axes: Vec::new(),
+            answer: None,
+            sized: Vec::new(),
             drive_cycles: 1.0,
             hidden_signs,
             signal_names: Vec::new(),
@@ -199,12 +211,12 @@ impl OwnDevice {
         pace(&self.modes)
     }
 
-    /// The state by which its motion is judged: its angle, or the first that a measurement reads, or else the first.
+    /// The state by which its motion is judged: its angle, or what it is for, or the first that a measurement reads, or else the first.
     pub fn judged(&self) -> usize {
         let read = self.device.readout(0, &[]).ok();
         let first =
             read.and_then(|readout| readout.sparsity().find(|state| *state < self.device.own_states()));
-        self.angles.first().copied().or(first).unwrap_or(0)
+        self.angles.first().copied().or(self.answer).or(first).unwrap_or(0)
     }
 
     /// Whether it has an angle.
@@ -245,16 +257,6 @@ impl OwnDevice {
     pub fn states(&self) -> Vec<StateName> {
         names::states(&self.device)
     }
-}
-
-/// Refuses a device that is for what it has not.
-fn require_main(experiment: &Experiment, table: &EquationsTable, device: &Device) -> Result<(), ConfigError> {
-    let Some(main) = &table.main else { return Ok(()) };
-    let known = || device.states().iter().chain(device.quantities()).map(|named| &*named.name);
-    if known().any(|name| name == main) {
-        return Ok(());
-    }
-    Err(experiment.error("device.equations.main", ConfigFault::unknown_word(main, known())))
 }
 
 /// The modes of a linear motion; none where they are not known.
@@ -301,12 +303,16 @@ pub struct EquationSettings {
 pub struct EquationFilterSettings {
     /// What every filter has.
     pub basics: FilterBasics,
-    /// The device as it knows it: with the low-passes of the readout or without.
+    /// The device as it knows it: with the low-passes of the readout or without, and without the states that it is given.
     pub own: Arc<OwnDevice>,
+    /// The states that it is given as inputs behind the stated ones, by their places in the device.
+    pub known: Vec<usize>,
     /// The measurements that correct it, by their places; none for all that the recording has.
     pub measures: Vec<usize>,
     /// The variance that it takes a sample of its one signal for, where that is not the noise's.
     pub signal_variance: Option<f64>,
+    /// Over how long it estimates the variance of a sample of its one signal, in s, where it does.
+    pub noise_memory_s: Option<f64>,
     /// What of the signal corrects it.
     pub variant: Variant,
     /// How it uses the events.
@@ -318,6 +324,8 @@ pub struct EquationFilterSettings {
     /// The states that it holds, by the table of a sine, because nothing in the file moves them.
     held: Vec<usize>,
     start: EquationStart,
+    /// How large each state usually is, where the device's table says it.
+    usual: Vec<Option<f64>>,
     /// The density of the noise of each state's rate, where the file says one here.
     density: Vec<Option<f64>>,
 }
@@ -356,8 +364,8 @@ impl EquationSettings {
         let unused = unused_deviations(&table, estimate);
         let known = FilterDevices::of(experiment, estimate, (table, &own))?;
         let of = |index| {
-            let (table, own) = known.of_filter(experiment, estimate, index)?;
-            EquationFilterSettings::of(experiment, estimate, (table, own, &events, sine.as_ref()), index)
+            let device = known.of_filter(experiment, estimate, index)?;
+            EquationFilterSettings::of(experiment, estimate, (&device, &events, sine.as_ref()), index)
         };
         let filters = (0..estimate.filters.len()).map(of).collect::<Result<_, _>>()?;
         let remarks = known.left_out(estimate).into_iter().chain(unused).collect();
@@ -452,6 +460,15 @@ struct FilterDevices {
     own: Arc<OwnDevice>,
     /// The same with the low-passes of its readout, where some filter asks for them and there are some.
     demodulated: Option<(Arc<EquationsTable>, Arc<OwnDevice>)>,
+    /// The same with states as inputs, as each filter is given them.
+    known: Vec<Option<KnownDevice>>,
+}
+
+/// The device as one filter knows it, with the states that it is given as inputs.
+struct FilterDevice<'a> {
+    table: &'a EquationsTable,
+    own: &'a Arc<OwnDevice>,
+    known: &'a [usize],
 }
 
 impl FilterDevices {
@@ -466,7 +483,14 @@ impl FilterDevices {
             Ok((Arc::clone(&table), Arc::new(OwnDevice::of_table(experiment, &table)?)))
         };
         let demodulated = other.map(with).transpose()?;
-        Ok(Self { table, own: Arc::clone(own), demodulated })
+        let given = |(index, filter): (usize, &FilterTable)| {
+            let at = Key::from("estimate").child("filter").index(index);
+            let known = known_states((experiment, &at, filter), &own.device)?;
+            let of = |known| KnownDevice::of(experiment, (&table, &own.device), known);
+            (!known.is_empty()).then(|| of(known)).transpose()
+        };
+        let known = estimate.filters.iter().enumerate().map(given).collect::<Result<_, _>>()?;
+        Ok(Self { table, own: Arc::clone(own), demodulated, known })
     }
 
     /// Which filters do without the low-passes that the readout has, where some do.
@@ -488,17 +512,22 @@ impl FilterDevices {
         experiment: &Experiment,
         estimate: &Estimate,
         index: usize,
-    ) -> Result<(&EquationsTable, &Arc<OwnDevice>), ConfigError> {
+    ) -> Result<FilterDevice<'_>, ConfigError> {
         let filter = &estimate.filters[index];
         let at = || Key::from("estimate").child("filter").index(index);
+        let whole = |table, own| FilterDevice { table, own, known: &[] };
         let refused = |why: &str| {
-            refuse_demodulator(experiment, (&at(), filter), why).map(|()| (&*self.table, &self.own))
+            refuse_demodulator(experiment, (&at(), filter), why).map(|()| whole(&*self.table, &self.own))
         };
+        if let Some(Some(KnownDevice { known, table, own })) = self.known.get(index) {
+            refuse_demodulator(experiment, (&at(), filter), "with known states there is none")?;
+            return Ok(FilterDevice { table, own, known });
+        }
         match (&self.demodulated, &self.table.demodulator) {
             (Some(_), _) if filter.method.has_fixed_gain() => refused(
                 "the gain for all of a swing is that of angle and rate alone; leave it out, or use `ekf`",
             ),
-            (Some((table, own)), _) if filter.demodulator => Ok((table, own)),
+            (Some((table, own)), _) if filter.demodulator => Ok(whole(table, own)),
             (_, Some(known)) => refused(known.remedy),
             (_, None) => refused("this device has none; write a `lag` in its table"),
         }
@@ -515,18 +544,37 @@ fn of_each_low_pass(device: &Device, values: &Values) -> Values {
     all
 }
 
+impl EquationStart {
+    /// At these states, of which some are stated, with these standard deviations.
+    fn stated(
+        experiment: &Experiment,
+        at: &Key,
+        own: &OwnDevice,
+        (stated, sd): (Vec<Option<f64>>, Vec<Option<f64>>),
+    ) -> Result<Self, ConfigError> {
+        let mean = own.started(&stated);
+        if let Some(names) = own.symmetric_rest(&mean) {
+            let why = format!(
+                "{names} are exactly 0; equations and signals are symmetric there, so that neither a filter nor the model would ever leave it; \
+                 start from a small value, such as `1e-6`"
+            );
+            return Err(experiment.error(at.clone().child("start"), ConfigFault::Value { why }));
+        }
+        let deviations = names::deviations(&own.device);
+        let missing = |missing: usize| missing_deviation(experiment, at, &deviations[missing]);
+        let sd = following(own, &mean, sd).map_err(missing)?;
+        Ok(Self::Stated { mean, sd })
+    }
+}
+
 impl EquationFilterSettings {
     fn of(
         experiment: &Experiment,
         estimate: &Estimate,
-        (table, own, events, sine): (
-            &EquationsTable,
-            &Arc<OwnDevice>,
-            &[EventSettings],
-            Option<&QuantitySine>,
-        ),
+        (of, events, sine): (&FilterDevice<'_>, &[EventSettings], Option<&QuantitySine>),
         index: usize,
     ) -> Result<Self, ConfigError> {
+        let FilterDevice { table, own, known: given } = of;
         let (device, filter) = (&own.device, &estimate.filters[index]);
         let at = Key::from("estimate").child("filter").index(index);
         let refuse = |name: &str, why: String| {
@@ -542,6 +590,7 @@ impl EquationFilterSettings {
             some(experiment, &at.clone().child(name), values, known)
         };
         let claims = filter.method.claims();
+        let usual = some(experiment, &Key::from("device.equations.usual"), &table.usual, &deviations)?;
         let mut sd = if claims {
             let with_lags = filter.demodulator.then(|| of_each_low_pass(device, &filter.start_sd));
             of("start_sd", with_lags.as_ref().unwrap_or(&filter.start_sd), &deviations)?
@@ -552,8 +601,11 @@ impl EquationFilterSettings {
             && own.axes.is_empty()
             && table.oscillation.as_ref().is_some_and(|oscillation| oscillation.starts)
             && !(claims && filter.start_sd.is_empty());
-        if table.start_tells_itself && start.is_none() && claims && !by_swing {
-            sd.fill(None);
+        if start.is_none() && claims && !by_swing {
+            if table.start_tells_itself {
+                sd.fill(None);
+            }
+            sd.iter_mut().zip(&usual).for_each(|(sd, usual)| *sd = sd.or(*usual));
         }
         let (noise_key, noise) = process_noise(experiment, &at, filter)?;
         if claims {
@@ -576,20 +628,10 @@ impl EquationFilterSettings {
                 );
             }
             Some(values) => {
-                let mean = own.started(&of("start", values, &entries)?);
-                if let Some(names) = own.symmetric_rest(&mean) {
-                    let why = format!(
-                        "{names} are exactly 0; equations and signals are symmetric there, so that neither a filter nor the model would ever leave it; \
-                         start from a small value, such as `1e-6`"
-                    );
-                    return refuse("start", why);
-                }
                 for state in &held {
                     sd[*state] = Some(0.0);
                 }
-                let missing = |missing: usize| missing_deviation(experiment, &at, &deviations[missing]);
-                let sd = following(own, &mean, sd).map_err(missing)?;
-                EquationStart::Stated { mean, sd }
+                EquationStart::stated(experiment, &at, own, (of("start", values, &entries)?, sd))?
             }
         };
         let known = parameters(experiment, (table, device));
@@ -599,6 +641,10 @@ impl EquationFilterSettings {
             .map(|(parameter, value)| if parameter.is_factor() { *value } else { 1.0 })
             .collect();
         let mut basics = FilterBasics::of(experiment, &at, filter, (known, &scales))?;
+        if !given.is_empty() {
+            let names: Vec<&str> = filter.known_states().1.collect();
+            basics.name += &format!(", {} known", names.join(", "));
+        }
         let variant = filter.variant.unwrap_or_default();
         if variant == Variant::Literal {
             // Its gain is not that of its innovations: these are larger than it claims when nothing is wrong with a sample.
@@ -610,10 +656,13 @@ impl EquationFilterSettings {
         let all = 0..device.measures().len();
         let chosen = if measures.is_empty() { all.collect() } else { measures.clone() };
         let signal_variance = filter.signal_variance.as_ref().map(Quantity::si);
-        if signal_variance.is_some() {
+        let noise_memory_s = filter.noise_memory.as_ref().map(Quantity::si);
+        let of_variance =
+            [("signal_variance", signal_variance.is_some()), ("noise_memory", noise_memory_s.is_some())];
+        if let Some((key, _)) = of_variance.into_iter().find(|(_, given)| *given) {
             let has_gain = claims && !filter.method.has_fixed_gain();
             if let Some(why) = refused_signal_variance(device, &chosen, has_gain) {
-                return refuse("signal_variance", why.to_owned());
+                return refuse(key, why.to_owned());
             }
         }
         let (inverse, mut oscillations) = without_motion((experiment, &at, filter), (own, sine), &chosen)?;
@@ -626,14 +675,17 @@ impl EquationFilterSettings {
         Ok(Self {
             basics,
             own: Arc::clone(own),
+            known: given.to_vec(),
             measures,
             signal_variance,
+            noise_memory_s,
             variant,
             events,
             inverse,
             oscillations,
             held,
             start,
+            usual,
             density,
         })
     }
@@ -692,8 +744,8 @@ impl EquationFilterSettings {
     pub fn prior_of_a_later_start(&self) -> Vec<StatePrior> {
         let own = &self.own;
         self.prior().unwrap_or_else(|| {
-            let motion = own.rest.iter().take(own.device.states().len());
-            let motion = motion.map(|rest| StatePrior { mean: *rest, sd: None });
+            let motion = own.rest.iter().zip(&self.usual);
+            let motion = motion.map(|(rest, usual)| StatePrior { mean: *rest, sd: *usual });
             self.holding(motion.chain(self.basics.priors()).collect())
         })
     }

@@ -30,7 +30,13 @@ impl FreeMotion {
         let Ok(motion) = own.device.motion(&[]) else {
             return Self { linear: Vec::new(), modes: Vec::new() };
         };
-        let linear = own.linear_about(&motion, &about);
+        let mut linear = own.linear_about(&motion, &about);
+        // A state whose size is known need not be found from the signal: how it goes does not say how long a start is looked for.
+        for (place, slope) in linear.iter_mut().enumerate() {
+            if own.sized.contains(&(place / states)) || own.sized.contains(&(place % states)) {
+                *slope = 0.0;
+            }
+        }
         let modes = modes_of(&linear, states);
         Self { linear, modes }
     }
@@ -91,7 +97,7 @@ fn search(own: &OwnDevice, prior: Vec<StatePrior>) -> StartSearch {
 }
 
 /// States that depend on each other both ways, such as a displacement and its rate: what may have another sign together.
-fn groups(states: usize, hangs_on: &[(usize, usize)]) -> Vec<Vec<usize>> {
+pub fn groups(states: usize, hangs_on: &[(usize, usize)]) -> Vec<Vec<usize>> {
     let mut reaches = [[false; MOST_STATES]; MOST_STATES];
     for (row, column) in hangs_on.iter().filter(|(row, column)| *row < states && *column < states) {
         reaches[*row][*column] = true;

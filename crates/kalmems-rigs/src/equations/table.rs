@@ -1,5 +1,6 @@
 //! What an operator writes of a device of their own: the table `[device.equations]`.
 
+use super::absent::AbsentInput;
 use super::correction::CorrectionTable;
 use super::curve::CurveTable;
 use super::feedthrough::FeedthroughTable;
@@ -8,11 +9,14 @@ use super::interpolation::Interpolations;
 use super::number::NumberText;
 use super::ordered::{OfElement, Ordered};
 use super::oscillation::OscillationTable;
+use super::part_check::PartCheck;
 use super::range::RangeTable;
 use super::sine::SineTable;
 use super::threshold::PassedThreshold;
 use crate::config::kinds::Frequency;
-use crate::config::{ConfigError, ConfigFault, DeviceDescription, Experiment, Key, Positive, Quantity};
+use crate::config::{
+    ConfigError, ConfigFault, DeviceDescription, Experiment, Key, Positive, Quantity, Values,
+};
 use kalmems_equations::{
     CurvePoints, Description, Device, EquationError, Follower, NamedText, ResetText, TextPlace,
     VectorElement, vector_elements,
@@ -97,9 +101,6 @@ pub struct EquationsTable {
     /// What estimates of states were found to be wrong by, such as `v = { scale = "1.002", bias = "1 mm/s" }`: they are corrected by it.
     #[serde(default, skip_serializing_if = "Ordered::is_empty")]
     pub correction: Ordered<CorrectionTable>,
-    /// The state or the quantity that the device is for, by which it is judged; the first state if left out.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub main: Option<String>,
     /// The energy of the device, by which `kalmems inspect` checks the equations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub energy: Option<String>,
@@ -109,6 +110,14 @@ pub struct EquationsTable {
     /// A quantity that moves as a sine whose amplitude, frequency, phase and rest are states: by it a filter starts from the signal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sine: Option<SineTable>,
+    /// The state or quantity that the device is for, where that is not the first state: its errors come first, and its motion is judged, but for one that
+    /// oscillates.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub answer: Option<String>,
+    /// How large a state usually is, its root mean square about rest: what a filter whose start comes from the signal knows of it before, where it
+    /// does not say how far it may be off.
+    #[serde(default, skip_serializing_if = "Values::is_empty")]
+    pub usual: Values,
     /// Where each parameter stands in the table that these equations were made from, where they were, with the power of it there.
     #[serde(skip)]
     pub keys: Option<ParameterKeys>,
@@ -127,11 +136,18 @@ pub struct EquationsTable {
     /// The low-passes of its readout, where the table that these equations were made from has a key for them.
     #[serde(skip)]
     pub demodulator: Option<Demodulator>,
+    /// Inputs that the table which these equations were made from leaves out, and of which a recording may hold nothing but zeros.
+    #[serde(skip)]
+    pub absent: Vec<AbsentInput>,
+    /// What refuses a part of a recording that is none of the device, where the table that these equations were made from has such a rule.
+    #[serde(skip)]
+    pub check: Option<PartCheck>,
     /// Whether a start from the signal says itself how good it is, so that `start_sd` is for stated starts alone.
     #[serde(skip)]
     pub start_tells_itself: bool,
+    /// The device, once it is read.
     #[serde(skip)]
-    read: OnceLock<Arc<Device>>,
+    pub(super) read: OnceLock<Arc<Device>>,
 }
 
 /// Where a parameter of this name stands in a device's own table, with the power of it there.
@@ -277,6 +293,16 @@ impl EquationsTable {
     /// The same, from which no device has been read.
     pub fn without_device(&self) -> Self {
         Self { read: OnceLock::new(), ..self.clone() }
+    }
+
+    /// The place of the state that the device is for, where one is stated, and not a quantity.
+    pub fn answer_of(&self, experiment: &Experiment, device: &Device) -> Result<Option<usize>, ConfigError> {
+        let Some(name) = &self.answer else { return Ok(None) };
+        let known = || device.states().iter().chain(device.quantities()).map(|named| &*named.name);
+        if known().all(|own| own != name) {
+            return Err(experiment.error("device.equations.answer", ConfigFault::unknown_word(name, known())));
+        }
+        Ok(device.state(name))
     }
 
     /// The device of a table of an experiment, its equations checked.

@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// samples.
 const MOTION: &str = "
 [device.equations]
-main = \"rate\"
+answer = \"rate\"
 
 [device.equations.states]
 angle = \"rad\"

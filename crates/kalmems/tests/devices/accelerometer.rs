@@ -1014,14 +1014,10 @@ fn settings_of_uncertain_mechanics_are_checked() {
         }
     };
     for (filters, words) in [
-        (filter("a", "ekf", UNCERTAIN), "use `consider_ekf` or `bank`"),
         (filter("a", "bank", ""), "write which parameters may be off"),
-        (filter("a", "bank", "states = { gap = { start_sd = \"1 %\" } }"), "gap"),
+        (filter("a", "bank", "states = { gas = { start_sd = \"1 %\" } }"), "gas"),
         (filter("a", "bank", "states = { mass = { start_sd = \"120 %\" } }"), "less than 100 %"),
-        (
-            filter("a", "consider_ekf", "states = { mass = { start_sd = \"2 %\", drift = \"1 1/s\" } }"),
-            "constant",
-        ),
+        (filter("a", "bank", "states = { mass = { start_sd = \"2 %\", drift = \"1 1/s\" } }"), "constant"),
         (filter("a", "bank", &format!("{UNCERTAIN}noise_memory = \"1 ms\"")), "gains for one variance"),
         (filter("a", "ekf", "noise_memory = \"1 ms\"\nsmooth = true"), "not smoothed"),
         (filter("a", "steady_state", "noise_memory = \"1 ms\""), "gains for one variance"),

@@ -17,6 +17,7 @@ mod own_circuit;
 mod own_commands;
 mod own_device;
 mod own_feedthrough;
+mod own_force;
 mod own_inputs;
 mod own_lock_in;
 mod own_loops;

@@ -57,7 +57,7 @@ fn recording(name: &str, role: &str) -> String {
 const DEVICE: &str = r#"
 name = "coil"
 [device.equations]
-main = "v"
+answer = "v"
 [device.equations.states]
 x = "m"
 v = "m/s"
@@ -242,10 +242,10 @@ fn a_device_is_judged_by_what_it_says_that_it_is_for() {
     let experiment = parsed(folder.path(), &tables);
     let first = |experiment: &Experiment| published().rig(experiment).unwrap().values(experiment)[0].name;
     assert_eq!(first(&experiment), "v");
-    let text = DEVICE.replace("main = \"v\"", "") + &tables;
+    let text = DEVICE.replace("answer = \"v\"", "") + &tables;
     let other = published().parse(&text, &folder.path().join("experiment.toml")).unwrap();
     assert_eq!(first(&other), "x");
-    let text = DEVICE.replace("main = \"v\"", "main = \"speed\"") + &tables;
+    let text = DEVICE.replace("answer = \"v\"", "main = \"speed\"") + &tables;
     let experiment = published().parse(&text, &folder.path().join("experiment.toml"));
     let why = match experiment {
         Err(error) => error.to_string(),

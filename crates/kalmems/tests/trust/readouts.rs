@@ -170,7 +170,7 @@ fn the_feedthrough_of_the_drive_is_found_as_a_state_of_three_devices() {
 /// A device without a drive in V has nothing that could reach its signal so.
 #[test]
 fn a_feedthrough_of_a_device_without_a_drive_is_refused() {
-    let of = Of::Published("accelerometer");
+    let of = Of::Published("piston mirror");
     let feedthrough = ("estimate.filter.0.readout", "{ feedthrough = { start_sd = \"1e-2\" } }".to_owned());
     let (experiment, simulated) = of.recorded(&[feedthrough], 663);
     let refused = Outcome::of(&experiment, &simulated).refused;

@@ -102,7 +102,6 @@ fn deviations(
         time_s: &time_s,
         signal: &signal,
         feedback: Some(&feedback),
-        acceleration: None,
     };
     let forgotten = forgotten_after(&hardware, data.interval_s)?;
     if signal.len() < 2 * forgotten {

@@ -1,12 +1,14 @@
 //! The recording that an identification takes.
 
-use super::super::MEANINGS;
 use super::super::data::AccelerometerSegment;
 use crate::config::{ConfigFault, Experiment, Key, RecordingRole};
 use crate::identify::{IdentifyError, Material, require_usable_signals};
 use crate::progress::Progress;
 use crate::recording::SampledRecording;
 use crate::units::kind;
+
+/// The channels that a recording may have.
+const MEANINGS: [&str; 3] = ["signal", "feedback", "acceleration"];
 
 /// Signal and feedback over one record.
 #[derive(Clone, Debug)]
@@ -84,8 +86,7 @@ impl IdentificationRecord {
             },
         };
         let data = record.data();
-        data.require_whole(data.feedback, &record.feedback_column, &name)
-            .map_err(|why| unfit(why.to_string()))?;
+        data.require_whole(&record.feedback_column, &name).map_err(|why| unfit(why.to_string()))?;
         Ok(record)
     }
 
@@ -95,7 +96,6 @@ impl IdentificationRecord {
             time_s: &self.material.time_s,
             signal: &self.material.signal,
             feedback: self.feedback.as_deref(),
-            acceleration: None,
             interval_s: self.material.interval_s,
         }
     }

@@ -1,7 +1,10 @@
 //! The variance of a sample from the innovations.
 
+use super::StateSeries;
+use crate::units::kind;
 use kalmems_core::adapt::InnovationWindow;
 use kalmems_core::{Covariance, Innovation};
+use std::iter;
 
 /// Recursive least squares with forgetting for the one number R, fed back into the filter.
 ///
@@ -12,8 +15,7 @@ use kalmems_core::{Covariance, Innovation};
 pub struct NoiseEstimate {
     window: InnovationWindow<f64, 1>,
     stated: f64,
-    /// Variance in V² and standard error, sample by sample.
-    pub history: Vec<[f64; 2]>,
+    history: Vec<[f64; 2]>,
 }
 
 /// Samples that an estimate must be worth before it is used.
@@ -48,5 +50,17 @@ impl NoiseEstimate {
             self.window.add(innovation, &Covariance::from_variances([self.variance()]));
         }
         self.history.push(self.current());
+    }
+
+    /// Goes on from here with another part of a segment.
+    pub fn going_on(&mut self) {
+        self.history.clear();
+    }
+
+    /// What was known at each of so many samples, with its standard error.
+    pub fn series(&self, samples: usize) -> StateSeries {
+        let history = self.history.iter().copied().chain(iter::repeat([f64::NAN; 2]));
+        let (mean, sd) = history.take(samples).map(|[mean, sd]| (mean, sd)).unzip();
+        StateSeries { name: "noise_variance", unit: "V2", kind: &kind::VOLTAGE_VARIANCE, mean, sd }
     }
 }
