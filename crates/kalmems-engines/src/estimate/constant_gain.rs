@@ -1,11 +1,9 @@
 //! A filter whose gain does not change.
 
-use kalmems_core::filter::ContinuousObserver;
-use kalmems_core::riccati::{RiccatiError, continuous_riccati, discrete_lyapunov, kalman_bucy_gain};
 use kalmems_core::update::{Correction, Policy};
 use kalmems_core::{
-    Covariance, Dynamics, Ekf, Filter, FilterError, FixedGain, HeldEtdrk4, Innovation, Mat, Measurement,
-    NoiseDensity, NumericMeasurement, NumericProcess, OperatingPoint, Process, StateTransition,
+    Covariance, Ekf, Filter, FilterError, FixedGain, Innovation, Mat, NumericMeasurement, NumericProcess,
+    OperatingPoint, StateTransition,
 };
 
 /// A [`FixedGain`] for the loop that serves all filters, on a signal of one number.
@@ -49,57 +47,6 @@ impl<const N: usize> ConstantGain<N> {
         let (_, slopes) = measurement.linearized(at);
         self.predicted.transformed(&slopes).get(0, 0) + variance
     }
-
-    /// No correction at all: for a process that is an observer itself and has the last sample as an input.
-    ///
-    /// `point` is that process, what each sample's noise does to it included in the noise of the process. Refused
-    /// where its error does not decay.
-    pub fn without_update(mean: [f64; N], point: &OperatingPoint<f64, N, 1>) -> Result<Self, RiccatiError> {
-        let settled = discrete_lyapunov(&point.transition, &point.process_noise)?;
-        Ok(Self {
-            mean,
-            gain: [0.0; N],
-            predicted: settled,
-            filtered: settled,
-            transition: point.transition,
-            noise: point.process_noise,
-        })
-    }
-}
-
-/// The exact step of a device that is followed by an observer, driven by its input and the last sample.
-pub type HeldSamples<D, H, const N: usize> = HeldEtdrk4<ContinuousObserver<D, H, f64, N, 1>, f64, N>;
-
-/// The observer with the gain of the continuous Kalman filter, each sample held over the interval after it, and the
-/// system that its error is: the noise of a sample is part of that of the step. Both are those of the device at rest under
-/// the input `none`.
-///
-/// Samples of a variance R that are an interval h apart carry what a continuous signal with noise of the density
-/// R·h does.
-pub fn kalman_bucy<D: Dynamics<f64, N> + Copy, H: Measurement<f64, N, 1> + Copy, const N: usize>(
-    (dynamics, readout): (D, H),
-    (density, noise_variance): (&NoiseDensity<f64, N>, f64),
-    interval_s: f64,
-    none: D::Input,
-) -> Result<(HeldSamples<D, H, N>, OperatingPoint<f64, N, 1>), RiccatiError>
-where
-    D::Input: Copy,
-{
-    let system = dynamics.jacobian(&[0.0; N], &none);
-    let observation: Mat<f64, 1, N> = readout.linearize(&[0.0; N]).1;
-    let noise = NoiseDensity::none().on::<0>(noise_variance * interval_s);
-    let settled = continuous_riccati(&system, &observation, density, &noise)?;
-    let gain = kalman_bucy_gain(&settled, &observation, &noise);
-    let observer = ContinuousObserver { dynamics, measurement: readout, gain };
-    let rest = (none, [0.0]);
-    let process = HeldEtdrk4::new(observer, interval_s, density, (&[0.0; N], &rest));
-    // What one volt of a sample does.
-    let volt: [f64; N] = process.step(&[0.0; N], &(none, [1.0]));
-    let sample = Covariance::from_variances([noise_variance]);
-    let sampled = sample.transformed(&Mat(volt.map(|entry| [entry])));
-    let mut point = OperatingPoint::of(&process, (&readout, sample), (&[0.0; N], &rest));
-    point.process_noise = point.process_noise.plus(&sampled);
-    Ok((process, point))
 }
 
 /// Which gain for all times.

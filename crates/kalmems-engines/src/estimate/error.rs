@@ -107,14 +107,6 @@ pub enum EstimateError {
         /// When, in s.
         time_s: f64,
     },
-    /// The states of a filter do not make a model.
-    #[error("the filter `{filter}`: {why}; correct its table `[estimate.filter.states]`")]
-    Model {
-        /// The filter.
-        filter: String,
-        /// Why.
-        why: kalmems_core::augmentation::AugmentationError,
-    },
     /// The drive's feedthrough of a device without a drive.
     #[error(
         "the filter `{filter}` has `readout.feedthrough`, and this device has no recorded drive in V that could reach the signal; leave it out"

@@ -10,7 +10,6 @@ use crate::config::{
     ConfigError, ConfigFault, Experiment, FilterTable, Key, Method, OutlierGate, Quantity, Update, Values,
 };
 use kalmems_core::SigmaPoints;
-use kalmems_core::augmentation::AugmentationError;
 use std::f64::consts::TAU;
 
 /// What every filter has.
@@ -147,11 +146,6 @@ impl FilterBasics {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         // positive; beyond the segment is its end
         self.lag_s.map(|lag_s| (lag_s / interval_s).round() as usize)
-    }
-
-    /// The model that this filter asks for cannot be made.
-    pub fn no_model(&self, why: AugmentationError) -> EstimateError {
-        EstimateError::Model { filter: self.name.clone(), why }
     }
 }
 

@@ -222,19 +222,7 @@ impl NoBatchStart {
     }
 }
 
-impl StartSearch {
-    /// What is known of a motion of one displacement or angle and its rate, the first two states, at this rate in rad/s, with other states
-    /// and parameters behind them.
-    pub fn of_oscillation(prior: Vec<StatePrior>, rate: f64) -> Self {
-        let states = prior.len();
-        let only = |place: usize, value: f64| {
-            (0..states).map(|i| if i == place { value } else { 0.0 }).collect::<Vec<f64>>()
-        };
-        let shapes = if states > 1 { vec![[only(0, 1.0), only(1, rate)]] } else { Vec::new() };
-        let mirrored = if states > 1 { vec![vec![0, 1]] } else { Vec::new() };
-        Self { prior, shapes, mirrored, ..Self::default() }
-    }
-}
+impl StartSearch {}
 
 impl FilterBasics {
     /// What is known before the first sample of its states behind those of the motion: of parameters, and of the readout.

@@ -2,7 +2,7 @@
 
 use super::{FilterBasics, FilterPast, SampleSelection, StateName, Trajectory, TrajectoryKind};
 use kalmems_core::Portable;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 use std::time::Instant;
 
 /// x(t) = x₀ + A·sin(ω·t + ψ): how one coordinate moves in one window.
@@ -147,26 +147,6 @@ pub fn inversion<const N: usize>(
         }
     }
     trajectory
-}
-
-/// Points of a cycle over which a line is summed. What a sum of trapezoids leaves of a periodic function falls
-/// exponentially with them.
-const POINTS: u32 = 256;
-
-/// The line that a motion x = A·sin φ with the rate A·ω·cos φ makes of a current y(x, ẋ) at n·φ: the factor of cos(nφ) for an odd
-/// n, of sin(nφ) for an even one.
-///
-/// A current through a capacitance turns over with the rate, y(x, −ẋ) = −y(x, ẋ), so that y(π − φ) = −y(φ) and the other factor of
-/// each harmonic is 0.
-pub fn current_line(current: impl Fn(f64, f64) -> f64, harmonic: u32, rate: f64, amplitude: f64) -> f64 {
-    let term = |point: u32| {
-        let phase = TAU * f64::from(point) / f64::from(POINTS);
-        let (sine, cosine) = phase.portable_sin_cos();
-        let y = current(amplitude * sine, amplitude * rate * cosine);
-        let turned = f64::from(harmonic) * phase;
-        y * if harmonic % 2 == 1 { turned.portable_cos() } else { turned.portable_sin() }
-    };
-    (0..POINTS).map(term).sum::<f64>() * 2.0 / f64::from(POINTS)
 }
 
 /// The factor between two amplitudes of the search outwards.

@@ -47,7 +47,7 @@ pub use batch_start::{BatchStart, NoBatchStart, StartSearch, StatePrior, batch_s
 pub use bridge::{Bridge, MOST_STEPS};
 pub use considered::Contribution;
 pub(crate) use considered::DirectionInformation;
-pub use constant_gain::{ConstantGain, GainOf, HeldSamples, Never, kalman_bucy};
+pub use constant_gain::{ConstantGain, GainOf, Never};
 pub use engine::{
     Compute, Course, DerivedQuantities, Filtering, StateName, by_signal, by_signal_taken_for, by_signals,
     deviation,
@@ -67,7 +67,7 @@ pub use hidden_sign::{BranchAlignment, StatedSign, are_opposite};
 pub use known_state::{AnyKnownStateStep, KnownStateStep};
 pub use lock::is_the_only_one;
 pub use lock::{Lock, LockEvent, MotionRate, judge_lock};
-pub use lock_in::{LockInWindows, Swing, amplitude_of_line, current_line, inversion, lock_in};
+pub use lock_in::{LockInWindows, Swing, amplitude_of_line, inversion, lock_in};
 pub use loss_watch::Reacquisition;
 pub use model_alone::ModelAlone;
 pub use noise_estimate::NoiseEstimate;

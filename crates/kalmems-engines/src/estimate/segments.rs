@@ -176,12 +176,6 @@ impl<'a> SignalSegment<'a> {
 }
 
 impl SignalSegment<'_> {
-    /// Refuses a segment in which one of these columns is clipped, or is another channel, as far as that is known.
-    pub fn require_usable_signals(&self, columns: &[&str]) -> Result<(), EstimateError> {
-        let (diagnosis, place) = (self.recording.diagnosis(), self.place.as_str());
-        EstimateError::of_unusable_signal(diagnosis, (place, columns), |label| label == self.segment.label)
-    }
-
     /// Refuses a segment that does not last this long after the settling time, in s.
     pub fn require_after_settling(&self, lasting_s: f64) -> Result<(), EstimateError> {
         // Of a segment that goes on, more is to come.
@@ -195,17 +189,22 @@ impl SignalSegment<'_> {
         Ok(())
     }
 
-    /// What the filters say of it, of a device with one axis and no drive.
-    pub fn estimated(&self, motion: MotionRate, trajectories: Vec<Trajectory>) -> SegmentEstimate {
+    /// What the filters say of it, of a device with a drive in this column: of its first axis, and of others.
+    pub fn estimated_under(
+        &self,
+        drive_column: &str,
+        (axis, other_axes): (AngleAxis, Vec<AngleAxis>),
+        trajectories: Vec<Trajectory>,
+    ) -> SegmentEstimate {
         SegmentEstimate {
             segment: self.segment.part(&self.fresh),
             start_s: self.start_s,
-            drive_column: String::new(),
+            drive_column: drive_column.to_owned(),
             signal_column: self.signal_column.to_owned(),
             signal_kind: self.signal_kind,
-            drive: None,
-            motion,
-            other_axes: Vec::new(),
+            drive: axis.drive,
+            motion: axis.motion,
+            other_axes,
             skip_s: self.skip_s,
             crossings: Vec::new(),
             crossings_refused: 0,

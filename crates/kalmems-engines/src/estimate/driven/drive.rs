@@ -491,11 +491,6 @@ impl<'a> SegmentDrive<'a> {
         Nodes { start: at(2 * step), middle: at(2 * step + 1), end: at(2 * step + 2) }
     }
 
-    /// The drive over both halves of an interval.
-    pub fn nodes_of_halves(nodes: &Nodes<f64>) -> [Nodes<f64>; 2] {
-        [Self::nodes_of_part(nodes, 0, 2), Self::nodes_of_part(nodes, 1, 2)]
-    }
-
     /// The drive from its sine, for a sub-step of an interval in which samples are missing.
     pub fn nodes_from_sine(sine: &Sine, from_s: f64, to_s: f64) -> Nodes<f64> {
         Nodes { start: sine.at(from_s), middle: sine.at(from_s.midpoint(to_s)), end: sine.at(to_s) }

@@ -5,7 +5,6 @@ use super::super::settings::ScannerHardware;
 use super::design::MOST;
 use super::filter::ObserverFilter;
 use crate::estimate::DeviceParameter;
-use crate::estimate::driven::step;
 use kalmems_core::Portable;
 use kalmems_core::augmentation::AugmentationError;
 use kalmems_core::{
@@ -84,7 +83,7 @@ impl RegulationObserver {
         let dynamics = DriveGain { scanner: hardware.scanner, drive_gain: 1.0 };
         let noise = NoiseDensity::none().on::<1>(filter.acceleration_density);
         let process = Augmented::new(
-            step(dynamics, interval_s, &noise),
+            Etdrk4::new(dynamics, interval_s, &noise, (&[0.0; 2], &0.0)),
             &added,
             enters(|parameter| parameter.in_motion),
         )?;
