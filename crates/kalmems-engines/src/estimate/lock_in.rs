@@ -194,17 +194,6 @@ pub fn amplitude_of_line(size: f64, [unit, limit]: [f64; 2], line: impl Fn(f64) 
 mod tests {
     use super::*;
 
-    /// y = g·ẋ has the line g·A·ω at the first harmonic; y = c·x·ẋ has c·A²·ω/2 at the second.
-    #[test]
-    fn lines_of_simple_currents_are_those_of_their_products() {
-        let (rate, amplitude) = (4e3, 0.02);
-        let first = current_line(|_, v| 3.0 * v, 1, rate, amplitude);
-        assert!((first / (3.0 * amplitude * rate) - 1.0).abs() < 1e-13);
-        let second = current_line(|x, v| 5.0 * x * v, 2, rate, amplitude);
-        assert!((second / (2.5 * amplitude * amplitude * rate) - 1.0).abs() < 1e-13);
-        assert!(current_line(|x, v| 5.0 * x * v, 1, rate, amplitude).abs() < 1e-13 * second);
-    }
-
     #[test]
     fn an_amplitude_is_found_again_where_its_line_grows() {
         // Grows up to an amplitude of 1.

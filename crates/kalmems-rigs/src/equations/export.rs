@@ -432,9 +432,8 @@ fn test_samples(
     let file = || recording.source().file.clone();
     let columns = EquationColumns::of(experiment, 0)?;
     let EquationColumns { inputs, measured: channels, .. } = &columns;
-    let Some(segment) = recording.segments().first() else {
-        return Err(ExportError::NoInterval { file: file() });
-    };
+    let first = recording.segments().first();
+    let segment = first.ok_or_else(|| ExportError::NoInterval { file: file() })?;
     let time_s = segment.time.to_vec();
     let interval_s = segment.time.interval_s().unwrap_or(f64::NAN);
     let devices = own.device.inputs().iter().map(names::kind_of);

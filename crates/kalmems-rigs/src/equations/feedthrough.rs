@@ -395,6 +395,9 @@ pub fn block_rows(natural_hz: Option<f64>, interval_s: f64) -> usize {
     rows.clamp(least, RowsAround::LONGEST_HEAD)
 }
 
+/// The signals of channels without what an input made of them, and that.
+pub type SignalsAlone<'a> = (Vec<Cow<'a, [f64]>>, TakenOff);
+
 impl InputFeedthrough {
     /// The signals of a part without what the input makes of them, by the counterpart of its record where there is one; that is found as the segment
     /// begins, and kept.
@@ -404,7 +407,7 @@ impl InputFeedthrough {
         (off, kept, written): (Option<&BiasOffRecording<'_>>, &mut FeedthroughPast, &[f64]),
         (segment, input, column): (&SignalSegment<'_>, &SegmentDrive<'_>, &str),
         channels: &[SegmentChannel<'a>],
-    ) -> Result<(Vec<Cow<'a, [f64]>>, TakenOff), EstimateError> {
+    ) -> Result<SignalsAlone<'a>, EstimateError> {
         let place = || segment.place.clone();
         let device = &own.device;
         let block = block_rows(own.natural_hz(), segment.interval_s);

@@ -6,7 +6,9 @@ use super::course::{EquationCourse, EquationSegment, SegmentChannel, peak_after}
 use super::event_search::EventSearches;
 use super::event_times::EventTimes;
 use super::events::EventSettings;
-use super::feedthrough::{BiasOffRecording, FeedthroughPast, TakenOff, block_rows, counterpart};
+use super::feedthrough::{
+    BiasOffRecording, FeedthroughPast, SignalsAlone, TakenOff, block_rows, counterpart,
+};
 use super::feedthrough_error::FeedthroughError;
 use super::first_peak::{orient, sign_after_restart};
 use super::input_part::InputPart;
@@ -299,7 +301,6 @@ impl Estimator for EquationEstimator<'_> {
     fn take(&mut self, part: &SegmentPart) -> Result<SegmentEstimate, EstimateError> {
         let (settings, past) = (&self.settings, &mut self.past);
         let device = &settings.own.device;
-        let wrong = |error: EquationError| EstimateError::from(refused(self.experiment, &error));
         let Some((first, column)) = self.columns.measured.first().copied() else {
             let why = "no channel of the recording is measured of the device".to_owned();
             return Err(self.experiment.error("recording", ConfigFault::Value { why }).into());
@@ -326,28 +327,20 @@ impl Estimator for EquationEstimator<'_> {
         sampled.add_rates(&mut inputs, (device, &rates), &self.columns)?;
         let known = sampled.known((&settings.own, inputs.len()), &self.columns)?;
         self.columns.require_right(self.experiment, (device, part.begins), &segment)?;
-        let variances = variances(&settings.own, segment.interval_s).map_err(wrong)?;
+        let variances = variances(&settings.own, segment.interval_s);
+        let variances = variances.map_err(|error| refused(self.experiment, &error))?;
         let mut channels = channels((self.experiment, &settings.own), &self.columns, &variances, &segment)?;
-        let (signals, taken_off) = match &settings.own.feedthrough {
-            None => Default::default(),
-            Some(feedthrough) => feedthrough.taken_off(
-                &settings.own,
-                (self.bias_off.as_ref(), &mut self.taken_off, &past.numbers),
-                (&segment, &inputs[feedthrough.input], self.columns.inputs[feedthrough.input]),
-                &channels,
-            )?,
-        };
+        let kept = (self.bias_off.as_ref(), &mut self.taken_off, &*past.numbers);
+        let (signals, taken_off) =
+            without_feedthrough(&settings.own, kept, (&segment, &inputs, &self.columns), &channels)?;
         channels.iter_mut().zip(&signals).for_each(|(channel, signal)| channel.signal = signal);
         let start_s = segment.start_s + settings.skip_s;
         if segment.begins || self.sines.is_none() {
             let rows = InputRows { inputs: &inputs, interval_s: segment.interval_s };
             self.sines = AxisSines::first(&settings.own, rows, start_s);
         }
-        let (motion, judged) = judged_motion(
-            (settings, &self.columns, self.sines.as_ref()),
-            (&segment, &channels, &inputs),
-            past,
-        )?;
+        let of = (settings, &self.columns, self.sines.as_ref());
+        let (motion, judged) = judged_motion(of, (&segment, &channels, &inputs), past)?;
         let bends = bends(&settings.own, &channels, (&segment.time_s, &inputs));
         let mut kept = match self.searches.take() {
             Some(searches) => searches,
@@ -373,11 +366,9 @@ impl Estimator for EquationEstimator<'_> {
             sines: self.sines.as_ref(),
         };
         // By the first rows, so that it does not depend on what comes later.
-        let phase_rate = if self.side_outputs.is_asked() {
-            *past.motion_rate.get_or_insert(TAU * motion.frequency_hz)
-        } else {
-            TAU * motion.frequency_hz
-        };
+        let rate = TAU * motion.frequency_hz;
+        let known_rate = self.side_outputs.is_asked().then(|| *past.motion_rate.get_or_insert(rate));
+        let phase_rate = known_rate.unwrap_or(rate);
         let axes = judged_axes(settings, (judged, motion), (&data, start_s));
         let answers = Answers {
             settings,
@@ -414,6 +405,18 @@ impl Estimator for EquationEstimator<'_> {
         self.columns.require_usable(diagnosis, place, |_| true)?;
         self.refused.take().map_or(Ok(()), Err)
     }
+}
+
+/// The signals of the channels without what an input made of them, and that.
+fn without_feedthrough<'a>(
+    own: &OwnDevice,
+    kept: (Option<&BiasOffRecording<'_>>, &mut FeedthroughPast, &[f64]),
+    (segment, inputs, columns): (&SignalSegment<'_>, &[SegmentDrive<'_>], &EquationColumns<'_>),
+    channels: &[SegmentChannel<'a>],
+) -> Result<SignalsAlone<'a>, EstimateError> {
+    let Some(feedthrough) = &own.feedthrough else { return Ok(SignalsAlone::default()) };
+    let input = feedthrough.input;
+    feedthrough.taken_off(own, kept, (segment, &inputs[input], columns.inputs[input]), channels)
 }
 
 /// What is said of the new rows of all events, in the order in which it becomes known, and how many passings are not told.

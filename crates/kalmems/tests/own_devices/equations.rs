@@ -368,7 +368,9 @@ fn starts_of_the_stage(seeds: std::ops::Range<u32>, change: impl Fn(&mut Table))
         let mut document: Table = std::fs::read_to_string(&file).unwrap().parse().unwrap();
         // A filter that states how far its start may be off takes that of the first cycles.
         let filters = document["estimate"]["filter"].as_array_mut().unwrap();
-        filters.iter_mut().for_each(|filter| drop(filter.as_table_mut().unwrap().remove("start_sd")));
+        for filter in filters.iter_mut() {
+            filter.as_table_mut().unwrap().remove("start_sd");
+        }
         change(&mut document);
         document["simulate"].as_table_mut().unwrap().insert("seed".into(), Value::Integer(seed.into()));
         let experiment = published().parse(&toml::to_string(&document).unwrap(), &file).unwrap();
