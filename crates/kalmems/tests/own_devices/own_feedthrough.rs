@@ -200,7 +200,7 @@ fn a_drive_that_cannot_be_taken_off_is_refused_with_what_to_do() {
     let volts = STATED.replace("0.05 A/V", "0.05");
     refused(&format!("{ALONG}{volts}{}", recording("on", "test")), &["signals.current.gain", "1/ohm"]);
     // The generator is switched off, in the first rows by which its sine is known and behind them.
-    for (count, ends) in [(3000, 1500), (12_000, 9000)] {
+    for (count, ends) in [(3000, 1500), (14_000, 9000)] {
         write("on.csv", rows("a", (1.0, HZ, 0.0), true, (count, ends))).unwrap();
         let why = said(folder.path(), &format!("{ALONG}{STATED}{}{ESTIMATE}", recording("on", "test")));
         let told = why.split("not a steady sine behind ").nth(1).and_then(|rest| rest.split(' ').next());
