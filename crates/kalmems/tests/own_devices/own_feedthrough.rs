@@ -245,7 +245,7 @@ fn a_device_is_judged_by_what_it_says_that_it_is_for() {
     let text = DEVICE.replace("answer = \"v\"", "") + &tables;
     let other = published().parse(&text, &folder.path().join("experiment.toml")).unwrap();
     assert_eq!(first(&other), "x");
-    let text = DEVICE.replace("answer = \"v\"", "main = \"speed\"") + &tables;
+    let text = DEVICE.replace("answer = \"v\"", "answer = \"speed\"") + &tables;
     let experiment = published().parse(&text, &folder.path().join("experiment.toml"));
     let why = match experiment {
         Err(error) => error.to_string(),
