@@ -201,7 +201,7 @@ pub(super) fn tracked(
         }
         let sd = parameter.start_sd(experiment, &key, state)?;
         if filter.method == Method::Bank {
-            require_constant(experiment, key, (parameter, sd, density))?;
+            require_constant(experiment, &key, (parameter, sd, density))?;
         }
         let added = AddedState { scale, drift: Drift::RandomWalk { density } };
         all.push(Tracked { parameter, added, sd });
@@ -212,7 +212,7 @@ pub(super) fn tracked(
 /// Refuses a parameter whose models would not be those of a bank: one that drifts, and a factor that may be 0.
 fn require_constant(
     experiment: &Experiment,
-    key: Key,
+    key: &Key,
     (parameter, sd, density): (&DeviceParameter, f64, f64),
 ) -> Result<(), ConfigError> {
     let refuse = |name: &str, why: &str| {

@@ -810,9 +810,9 @@ impl Transition for UnderInputs<'_> {
         let (slopes, moving) = (self.model.linear_at_rest(), self.model.moving());
         let poles = modes(&slopes, moving)?;
         // Of a pair the second one says the same.
-        let poles = poles.iter().filter(|mode| mode.rate >= 0.0).map(|mode| match mode.oscillates() {
-            false => Pole::Real(mode.growth),
-            true => Pole::Pair { real: mode.growth, imaginary: mode.rate },
+        let poles = poles.iter().filter(|mode| mode.rate >= 0.0).map(|mode| {
+            let (real, imaginary) = (mode.growth, mode.rate);
+            if mode.oscillates() { Pole::Pair { real, imaginary } } else { Pole::Real(real) }
         });
         Some(ContinuousMotion {
             poles: poles.collect(),

@@ -589,16 +589,7 @@ impl EquationFilterSettings {
         let events = events::uses(experiment, own, events, (&at, filter))?;
         let all = 0..device.measures().len();
         let chosen = if measures.is_empty() { all.collect() } else { measures.clone() };
-        let signal_variance = filter.signal_variance.as_ref().map(Quantity::si);
-        let noise_memory_s = filter.noise_memory.as_ref().map(Quantity::si);
-        let of_variance =
-            [("signal_variance", signal_variance.is_some()), ("noise_memory", noise_memory_s.is_some())];
-        if let Some((key, _)) = of_variance.into_iter().find(|(_, given)| *given) {
-            let has_gain = claims && !filter.method.has_fixed_gain();
-            if let Some(why) = refused_signal_variance(device, &chosen, has_gain) {
-                return refuse(key, why.to_owned());
-            }
-        }
+        let [signal_variance, noise_memory_s] = of_one_signal((experiment, &at, filter), device, &chosen)?;
         let (inverse, oscillations) = without_motion((experiment, &at, filter), (own, sine), &chosen)?;
         // What the sine itself tells is not held by a start from it.
         let held = held.into_iter().filter(|state| sine.is_some_and(|sine| !sine.is_told(*state))).collect();
@@ -764,6 +755,25 @@ fn following(own: &OwnDevice, start: &[f64], sd: Vec<Option<f64>>) -> Result<Vec
         }
     }
     Ok(all)
+}
+
+/// The variance that a filter takes a sample of its one signal for, and over how long in s it estimates that, where it does either.
+fn of_one_signal(
+    (experiment, at, filter): (&Experiment, &Key, &FilterTable),
+    device: &Device,
+    chosen: &[usize],
+) -> Result<[Option<f64>; 2], ConfigError> {
+    let found =
+        [filter.signal_variance.as_ref().map(Quantity::si), filter.noise_memory.as_ref().map(Quantity::si)];
+    let has_gain = filter.method.claims() && !filter.method.has_fixed_gain();
+    let given =
+        ["signal_variance", "noise_memory"].into_iter().zip(&found).find(|(_, given)| given.is_some());
+    match given.and_then(|(key, _)| Some((key, refused_signal_variance(device, chosen, has_gain)?))) {
+        Some((key, why)) => {
+            Err(experiment.error(at.clone().child(key), ConfigFault::Value { why: why.to_owned() }))
+        }
+        None => Ok(found),
+    }
 }
 
 /// Why a filter of these measurements has no use for a variance of its signal, where it has none.
