@@ -422,10 +422,11 @@ impl MeasuredOscillation {
         let near =
             before.map(|before| 0.5 * before.amplitude).filter(|near| *near > 0.0 && line(*near) < size);
         let unit = near.or_else(|| {
-            // By large steps first: a line grows with the amplitude.
+            // By large steps first, which do not lead over the amplitudes at which a line is large: of a comb these are 2¹¹ apart and more, and behind
+            // them the line is small again.
             let mut doublings = 0;
             let after = |doublings: i32| SMALLEST * 2.0_f64.powi(doublings);
-            for step in [32, 8, 2, 1] {
+            for step in [8, 2, 1] {
                 while doublings + step <= DOUBLINGS && small(after(doublings + step)) {
                     doublings += step;
                 }

@@ -496,14 +496,14 @@ fn what_cannot_be_predicted_is_refused_or_counted() {
     said("on = \"frames\"", &[], &["stream.trigger.on", "--frames FILE"]);
     said("", &[("ahead = \"10 us\"", "ahead = \"5 ms\"")], &["stream.trigger.ahead", "5 ms", "4096"]);
 
-    // A rig that has no such thing says so by its name.
+    // A device without an angle says so.
     let path = example("../accelerometer/experiment.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let table = "\n[stream]\nrate = \"1 MHz\"\nphase = true\n[stream.input.text]\ncolumns = [\"time_s\"]\n";
     let other = published().parse(&(text + table), &path).unwrap_or_else(|e| panic!("{e}"));
     let input = Pieces::of(Vec::new(), 10);
     let error = streamed(&other, input, None).ended.unwrap_err().to_string();
-    assert!(error.contains("stream.phase") && error.contains("`accelerometer`"), "{error}");
+    assert!(error.contains("stream.phase") && error.contains("are those of an angle"), "{error}");
 
     // From 14 to 16 ms the drive is another one: nobody can say what it does next, and what passes is counted.
     let text = std::fs::read_to_string(example("recording.csv")).unwrap();
