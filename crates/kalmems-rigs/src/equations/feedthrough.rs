@@ -395,61 +395,63 @@ pub fn block_rows(natural_hz: Option<f64>, interval_s: f64) -> usize {
     rows.clamp(least, RowsAround::LONGEST_HEAD)
 }
 
-impl InputFeedthrough {
-    /// The signals of a part without what the input makes of them, by the counterpart of its record where there is one; that is found as the segment
-    /// begins, and kept.
-    pub fn taken_off<'a>(
-        &self,
-        own: &OwnDevice,
-        (off, kept, written): (Option<&BiasOffRecording<'_>>, &mut FeedthroughPast, &[f64]),
-        (segment, input, column): (&SignalSegment<'_>, &SegmentDrive<'_>, &str),
-        channels: &[SegmentChannel<'a>],
-    ) -> Result<(Vec<Cow<'a, [f64]>>, TakenOff), EstimateError> {
-        let place = || segment.place.clone();
-        let device = &own.device;
-        let block = block_rows(own.natural_hz(), segment.interval_s);
-        let sines = kept.followed(input, (segment, block), written);
-        let sines = sines.map_err(|time_s| EstimateError::DriveChanges {
-            place: place(),
-            column: column.to_owned(),
-            time_s,
-        })?;
-        let kept = &mut kept.record;
-        if let (Some(off), None, Some((_, sine))) = (off, &kept, sines.last()) {
-            let of = (self.input, segment.segment.label.as_str());
-            *kept = Some(off.record(device, of, (&segment.place, sine))?);
-        }
-        let (mut signals, mut sd) = (Vec::new(), Vec::new());
-        for channel in channels {
-            let of_record = match (off, &*kept) {
-                (Some(off), Some(record)) => {
-                    let at = off.place_of(channel.measure).ok_or_else(|| EstimateError::Unfit {
-                        place: place(),
-                        why: format!(
-                            "the recording with the bias off has no channel `{}`; name its column there too",
-                            device.measures()[channel.measure].name
-                        ),
-                    })?;
-                    Some((record, at))
-                }
-                _ => None,
-            };
-            let stated = self.stated.get(channel.measure).copied().flatten();
-            sd.push(of_record.and_then(|(record, at)| record.sd_per_unit(at)).unwrap_or(0.0));
-            if of_record.is_none() && stated.is_none() {
-                signals.push(Cow::Borrowed(channel.signal));
-                continue;
-            }
-            let part = |(rows, sine): &(Range<usize>, Sine)| {
-                let (time_s, values) = (&segment.time_s[rows.clone()], &channel.signal[rows.clone()]);
-                match (of_record, stated) {
-                    (Some((record, at)), _) => record.cancel(at, time_s, sine, values),
-                    (None, Some(stated)) => without_drive(time_s, sine, values, stated),
-                    (None, None) => values.to_vec(),
-                }
-            };
-            signals.push(Cow::Owned(sines.iter().flat_map(part).collect()));
-        }
-        Ok((signals, TakenOff { sines, sd }))
+/// The signals of a part without what an input makes of them, and what that was.
+pub type CleanedSignals<'a> = (Vec<Cow<'a, [f64]>>, TakenOff);
+
+/// The signals of a part without what an input makes of them, by the counterpart of its record where there is one; that is found as the segment begins,
+/// and kept. Nothing of a device whose signals have nothing of an input beside the motion.
+pub fn taken_off<'a>(
+    own: &OwnDevice,
+    (off, kept, written): (Option<&BiasOffRecording<'_>>, &mut FeedthroughPast, &[f64]),
+    (segment, inputs, columns): (&SignalSegment<'_>, &[SegmentDrive<'_>], &EquationColumns<'_>),
+    channels: &[SegmentChannel<'a>],
+) -> Result<CleanedSignals<'a>, EstimateError> {
+    let (device, place) = (&own.device, || segment.place.clone());
+    let Some(InputFeedthrough { input, stated, .. }) = &own.feedthrough else {
+        return Ok(CleanedSignals::default());
+    };
+    let block = block_rows(own.natural_hz(), segment.interval_s);
+    let sines = kept.followed(&inputs[*input], (segment, block), written);
+    let sines = sines.map_err(|time_s| EstimateError::DriveChanges {
+        place: place(),
+        column: columns.inputs[*input].to_owned(),
+        time_s,
+    })?;
+    let kept = &mut kept.record;
+    if let (Some(off), None, Some((_, sine))) = (off, &kept, sines.last()) {
+        let of = (*input, segment.segment.label.as_str());
+        *kept = Some(off.record(device, of, (&segment.place, sine))?);
     }
+    let (mut signals, mut sd) = (Vec::new(), Vec::new());
+    for channel in channels {
+        let of_record = match (off, &*kept) {
+            (Some(off), Some(record)) => {
+                let at = off.place_of(channel.measure).ok_or_else(|| EstimateError::Unfit {
+                    place: place(),
+                    why: format!(
+                        "the recording with the bias off has no channel `{}`; name its column there too",
+                        device.measures()[channel.measure].name
+                    ),
+                })?;
+                Some((record, at))
+            }
+            _ => None,
+        };
+        let stated = stated.get(channel.measure).copied().flatten();
+        sd.push(of_record.and_then(|(record, at)| record.sd_per_unit(at)).unwrap_or(0.0));
+        if of_record.is_none() && stated.is_none() {
+            signals.push(Cow::Borrowed(channel.signal));
+            continue;
+        }
+        let part = |(rows, sine): &(Range<usize>, Sine)| {
+            let (time_s, values) = (&segment.time_s[rows.clone()], &channel.signal[rows.clone()]);
+            match (of_record, stated) {
+                (Some((record, at)), _) => record.cancel(at, time_s, sine, values),
+                (None, Some(stated)) => without_drive(time_s, sine, values, stated),
+                (None, None) => values.to_vec(),
+            }
+        };
+        signals.push(Cow::Owned(sines.iter().flat_map(part).collect()));
+    }
+    Ok((signals, TakenOff { sines, sd }))
 }

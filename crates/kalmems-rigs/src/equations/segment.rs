@@ -5,7 +5,7 @@ use super::course::{EquationCourse, EquationSegment, SegmentChannel, peak_after}
 use super::event_search::EventSearches;
 use super::event_times::EventTimes;
 use super::events::EventSettings;
-use super::feedthrough::{BiasOffRecording, FeedthroughPast, TakenOff, block_rows, counterpart};
+use super::feedthrough::{BiasOffRecording, FeedthroughPast, TakenOff, block_rows, counterpart, taken_off};
 use super::feedthrough_error::FeedthroughError;
 use super::first_peak::{orient, sign_after_restart};
 use super::input_part::InputPart;
@@ -295,15 +295,9 @@ impl Estimator for EquationEstimator<'_> {
         )
         .map_err(wrong)?;
         let mut channels = channels((self.experiment, &settings.own), &self.columns, &variances, &segment)?;
-        let (signals, taken_off) = match &settings.own.feedthrough {
-            None => Default::default(),
-            Some(feedthrough) => feedthrough.taken_off(
-                &settings.own,
-                (self.bias_off.as_ref(), &mut self.taken_off, &past.numbers),
-                (&segment, &inputs[feedthrough.input], self.columns.inputs[feedthrough.input]),
-                &channels,
-            )?,
-        };
+        let of_bias = (self.bias_off.as_ref(), &mut self.taken_off, &*past.numbers);
+        let of_part = (&segment, &*inputs, &self.columns);
+        let (signals, taken_off) = taken_off(&settings.own, of_bias, of_part, &channels)?;
         channels.iter_mut().zip(&signals).for_each(|(channel, signal)| channel.signal = signal);
         let (motion, judged) =
             judged_motion((settings, &self.columns), (&segment, &channels, &inputs), past)?;
@@ -336,12 +330,7 @@ impl Estimator for EquationEstimator<'_> {
             Some(_) => motion,
         };
         let start_s = segment.start_s + settings.skip_s;
-        // By the first rows, so that it does not depend on what comes later.
-        let phase_rate = if self.side_outputs.is_asked() {
-            *past.motion_rate.get_or_insert(TAU * motion.frequency_hz)
-        } else {
-            TAU * motion.frequency_hz
-        };
+        let phase_rate = phase_rate(&self.side_outputs, past, motion);
         let answers = Answers {
             settings,
             models: &self.models,
@@ -376,6 +365,12 @@ impl Estimator for EquationEstimator<'_> {
         self.columns.require_usable(diagnosis, place, |_| true)?;
         self.refused.take().map_or(Ok(()), Err)
     }
+}
+
+/// The rate of the motion in rad/s by which phases are told, where they are asked for by the first rows, so that it does not depend on what comes later.
+fn phase_rate(outputs: &SideOutputs, past: &mut Past, motion: MotionRate) -> f64 {
+    let rate = TAU * motion.frequency_hz;
+    if outputs.is_asked() { *past.motion_rate.get_or_insert(rate) } else { rate }
 }
 
 /// What is said of the new rows of all events, in the order in which it becomes known, and how many passings are not told.

@@ -375,7 +375,7 @@ pub fn parameters(
 /// cannot give the method is refused.
 fn without_motion(
     (experiment, at, filter): (&Experiment, &Key, &FilterTable),
-    (own, sine): (&OwnDevice, Option<&QuantitySine>),
+    (own, sine, (by_swing, table)): (&OwnDevice, Option<&QuantitySine>, (bool, &EquationsTable)),
     chosen: &[usize],
 ) -> Result<(Option<Inverse>, Vec<MeasuredOscillation>), ConfigError> {
     let refused = |why| experiment.error(at.clone().child("method"), ConfigFault::Value { why });
@@ -401,8 +401,18 @@ fn without_motion(
             let table = experiment.device_in_terms_of::<EquationsTable>()?;
             Ok((None, MeasuredOscillation::of(own, &table, *measure).into_iter().collect()))
         }
+        _ if by_swing => {
+            let known = |measure: &usize| MeasuredOscillation::of(own, table, *measure).ok();
+            Ok((None, chosen.iter().filter_map(known).collect()))
+        }
         _ => Ok((None, Vec::new())),
     }
+}
+
+/// Whether a filter that states no start begins at the oscillation that its first cycles show: one that says how far that may be off, or claims nothing.
+fn starts_by_swing(table: &EquationsTable, filter: &FilterTable) -> bool {
+    let starts = table.oscillation.as_ref().is_some_and(|oscillation| oscillation.starts);
+    starts && !(filter.method.claims() && filter.start_sd.is_empty())
 }
 
 /// The device as filters may know it.
@@ -507,9 +517,7 @@ impl EquationFilterSettings {
         } else {
             vec![Some(0.0); entries.len()]
         };
-        let by_swing = start.is_none()
-            && table.oscillation.as_ref().is_some_and(|oscillation| oscillation.starts)
-            && !(claims && filter.start_sd.is_empty());
+        let by_swing = start.is_none() && starts_by_swing(table, filter);
         if table.start_tells_itself && start.is_none() && claims && !by_swing {
             sd.fill(None);
         }
@@ -569,17 +577,12 @@ impl EquationFilterSettings {
         let all = 0..device.measures().len();
         let chosen = if measures.is_empty() { all.collect() } else { measures.clone() };
         let signal_variance = filter.signal_variance.as_ref().map(Quantity::si);
-        if signal_variance.is_some() {
-            let has_gain = claims && !filter.method.has_fixed_gain();
-            if let Some(why) = refused_signal_variance(device, &chosen, has_gain) {
-                return refuse("signal_variance", why.to_owned());
-            }
+        if let Some(why) = refused_signal_variance(device, &chosen, filter) {
+            return refuse("signal_variance", why.to_owned());
         }
-        let (inverse, mut oscillations) = without_motion((experiment, &at, filter), (own, sine), &chosen)?;
-        if by_swing && oscillations.is_empty() {
-            let known = |measure: &usize| MeasuredOscillation::of(own, table, *measure).ok();
-            oscillations = chosen.iter().filter_map(known).collect();
-        }
+        let of_swing = (by_swing, table);
+        let (inverse, oscillations) =
+            without_motion((experiment, &at, filter), (own, sine, of_swing), &chosen)?;
         // What the sine itself tells is not held by a start from it.
         let held = held.into_iter().filter(|state| sine.is_some_and(|sine| !sine.is_told(*state))).collect();
         Ok(Self {
@@ -752,7 +755,9 @@ pub fn following(own: &OwnDevice, start: &[f64], sd: Vec<Option<f64>>) -> Result
 }
 
 /// Why a filter of these measurements has no use for a variance of its signal, where it has none.
-fn refused_signal_variance(device: &Device, chosen: &[usize], has_gain: bool) -> Option<&'static str> {
+fn refused_signal_variance(device: &Device, chosen: &[usize], filter: &FilterTable) -> Option<&'static str> {
+    filter.signal_variance.as_ref()?;
+    let has_gain = filter.method.claims() && !filter.method.has_fixed_gain();
     let in_volts = |measure: &usize| {
         let named = device.measures().get(*measure);
         named.is_some_and(|named| names::kind_of(named).dimension == kind::VOLTAGE.dimension)

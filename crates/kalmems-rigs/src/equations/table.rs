@@ -275,6 +275,7 @@ impl EquationsTable {
     }
 
     /// The same, from which no device has been read.
+    #[must_use]
     pub fn without_device(&self) -> Self {
         Self { read: OnceLock::new(), ..self.clone() }
     }
