@@ -87,6 +87,14 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
     if !filter.basics.readout.is_empty() {
         return refuse("it has states of its readout; leave `readout` out");
     }
+    if !filter.known.is_empty() {
+        return refuse("it is given states that no instrument has (`known`); leave that out");
+    }
+    if filter.noise_memory_s.is_some() {
+        return refuse(
+            "it finds the variance of a sample while filtering, and the source has that as a constant; leave `noise_memory` out",
+        );
+    }
     if own.device.has_resets() {
         return refuse(
             "its states are set at once where an expression passes zero, which the source does not do",
@@ -108,6 +116,11 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
     if !settings.signs.is_empty() {
         heading.push(
             "The signal is the same for the mirrored motion, and the source mirrors nothing: its sign is that of the start.".to_owned(),
+        );
+    }
+    if !own.corrections.is_empty() {
+        heading.push(
+            "The program corrects estimates by the line that they were found to follow (`correction`); the source gives them without that.".to_owned(),
         );
     }
     let name = c_name(&experiment.name.to_string());
