@@ -104,6 +104,8 @@ struct EquationColumns<'a> {
     known: Vec<(usize, &'a str)>,
     /// Those of inputs that the device is described without.
     absent: Vec<(AbsentInput, &'a str)>,
+    /// Whether what an input makes of the signals is taken off.
+    takes_off: bool,
 }
 
 impl<'a> EquationColumns<'a> {
@@ -170,11 +172,12 @@ impl<'a> EquationColumns<'a> {
             trigger: of_trigger.first().copied(),
             known: known.into_iter().zip(of_known).collect(),
             absent,
+            takes_off: table.feedthrough.is_some(),
         })
     }
 
     /// Refuses signals that are none of the device by what was found in the recording. One of several may repeat an input, as that of a loop does
-    /// which measures what it applies.
+    /// which measures what it applies, but where what the input makes of the signals is taken off.
     fn require_usable(
         &self,
         diagnosis: &[Finding],
@@ -182,7 +185,8 @@ impl<'a> EquationColumns<'a> {
         wanted: impl Fn(&str) -> bool,
     ) -> Result<(), EstimateError> {
         let names: Vec<&str> = self.measured.iter().map(|(_, column)| *column).collect();
-        let counts = |finding: &&Finding| names.len() == 1 || finding.kind != FindingKind::Repeats;
+        let may_repeat = names.len() > 1 && !self.takes_off;
+        let counts = |finding: &&Finding| !may_repeat || finding.kind != FindingKind::Repeats;
         let found: Vec<Finding> = diagnosis.iter().filter(counts).cloned().collect();
         EstimateError::of_unusable_signal(&found, (place, &names), wanted)
     }

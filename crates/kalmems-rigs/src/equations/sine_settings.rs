@@ -18,11 +18,13 @@ pub fn cycle_s(experiment: &Experiment) -> Option<f64> {
     Some(stated.filter(|hz| *hz > 0.0).map_or(settling_s / GAP_CYCLES, f64::recip))
 }
 
-/// The densities of process noise that filters know: of a sine those that some table names, and of one that leaves all to the recording those of its
-/// frequency, its rest, and the rate of its amplitude or else the amplitude.
+/// The densities of process noise that filters know. Of a sine, and of a device whose own table has names for them, those that some table of the file names,
+/// and where one leaves all to the recording those with such a name, or of the sine's frequency, its rest, and the rate of its amplitude or else the amplitude.
 pub fn densities(experiment: &Experiment, table: &EquationsTable, device: &Device) -> Vec<StateDensity> {
     let all = names::state_densities(table, device);
-    let Some(sine) = &table.sine else { return all };
+    if table.sine.is_none() && table.noise_keys.is_empty() {
+        return all;
+    }
     let tables: Vec<_> = experiment
         .estimate
         .iter()
@@ -31,10 +33,13 @@ pub fn densities(experiment: &Experiment, table: &EquationsTable, device: &Devic
         })
         .filter(|table| !table.is_empty())
         .collect();
-    let wanders = [&sine.frequency, &sine.offset, sine.amplitude_rate.as_ref().unwrap_or(&sine.amplitude)];
+    let of_sine = table.sine.iter().flat_map(|sine| {
+        [&sine.frequency, &sine.offset, sine.amplitude_rate.as_ref().unwrap_or(&sine.amplitude)]
+    });
+    let of_device = table.noise_keys.iter().map(|(key, _)| *key);
+    let wanders: Vec<&str> = of_sine.map(String::as_str).chain(of_device).collect();
     let is_open = tables.iter().any(|table| table.is_left_open());
-    let is_known = |name: &str| {
-        tables.iter().any(|table| table.names(name)) || is_open && wanders.iter().any(|own| *own == name)
-    };
+    let is_known =
+        |name: &str| tables.iter().any(|table| table.names(name)) || is_open && wanders.contains(&name);
     all.into_iter().filter(|density| is_known(density.entry.name)).collect()
 }
