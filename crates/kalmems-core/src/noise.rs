@@ -70,7 +70,7 @@ impl<T: Scalar, const N: usize> Covariance<T, N> {
     #[inline(always)]
     #[must_use]
     pub fn transformed<const R: usize>(&self, f: &Mat<T, R, N>) -> Covariance<T, R> {
-        if const { are_many(R, N, N) } {
+        if const { are_many::<T>(R, N, N) } {
             let (mut whole, mut fp, mut to) = (Mat::<T, N, N>::zero(), Mat::<T, R, N>::zero(), Mat::zero());
             let room = [whole.0.as_flattened_mut(), fp.0.as_flattened_mut()];
             spread(f.0.as_flattened(), (self.0.0.as_flattened(), N), room, to.0.as_flattened_mut());

@@ -244,7 +244,7 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
             }
         });
         let kr: Mat<T, N, M> = matrix!(|i, j| dot!(M, |k| gain.0[i][k], r.get(k, j)));
-        if const { are_many(N, N, N) } && !(0..N).any(bare) {
+        if const { are_many::<T>(N, N, N) } && !(0..N).any(bare) {
             let left = p.transformed(&a);
             return lower!(|i, j| plus_row_products(left.get(i, j), &kr.0[i], &gain.0[j]));
         }

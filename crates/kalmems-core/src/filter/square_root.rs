@@ -40,6 +40,7 @@ pub struct SquareRootEkf<T, const N: usize> {
 
 impl<T: Scalar, const N: usize> SquareRootEkf<T, N> {
     /// Starts from a mean and its covariance, which may be singular.
+    #[inline(always)]
     pub fn new(mean: [T; N], covariance: Covariance<T, N>) -> Self {
         Self { state: Factored::of_covariance(mean, &covariance) }
     }

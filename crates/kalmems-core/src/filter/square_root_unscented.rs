@@ -65,6 +65,7 @@ struct TransformedPoints<T, const N: usize, const K: usize> {
 
 impl<T: Scalar, const N: usize> SquareRootUkf<T, N> {
     /// Starts from a mean and its covariance, which may be singular.
+    #[inline(always)]
     pub fn new(mean: [T; N], covariance: Covariance<T, N>, points: SigmaPoints<T>) -> Self {
         Self::with(Factored::of_covariance(mean, &covariance), points)
     }

@@ -44,7 +44,7 @@ impl<T: Scalar, const N: usize> Cholesky<T, N> {
     /// it is wrong from the start.
     #[inline(always)]
     pub fn of_semidefinite(covariance: &Covariance<T, N>) -> Mat<T, N, N> {
-        if const { are_many(N, N, N) } {
+        if const { are_many::<T>(N, N, N) } {
             Self::root_called(covariance)
         } else {
             Self::root_written_out(covariance)

@@ -6,10 +6,11 @@
 use crate::Scalar;
 use crate::notation::{nothing, plus};
 
-/// Whether a matrix product of so many rows, terms of a sum and columns is one of those here.
+/// Whether a matrix product of so many rows, terms of a sum and columns is one of those here. Lanes, which hold several numbers, dissolve into their callers:
+/// a function that is called has not the instructions that those have.
 #[inline(always)]
-pub(crate) const fn are_many(rows: usize, terms: usize, columns: usize) -> bool {
-    rows * terms * columns > 6 * 6 * 6
+pub(crate) const fn are_many<T>(rows: usize, terms: usize, columns: usize) -> bool {
+    size_of::<T>() <= size_of::<f64>() && rows * terms * columns > 6 * 6 * 6
 }
 
 /// Row `i` of a matrix that is held row by row.
@@ -91,7 +92,8 @@ mod tests {
 
     #[test]
     fn products_of_many_states_are_those_written_out_to_the_last_bit() {
-        assert!(are_many(9, 7, 8) && are_many(8, 9, 9) && !are_many(6, 6, 6));
+        assert!(are_many::<f64>(9, 7, 8) && are_many::<f32>(8, 9, 9) && !are_many::<f64>(6, 6, 6));
+        assert!(!are_many::<[f64; 4]>(9, 7, 8));
         for seed in 0..50 {
             let (a, b) = (filled::<9, 7>(seed), filled::<7, 8>(seed + 1000));
             let written_out: Mat<f64, 9, 8> = matrix!(|i, j| sum!(7, |k| a.0[i][k] * b.0[k][j]));

@@ -32,7 +32,7 @@ impl<T: Scalar, const R: usize, const C: usize> Mat<T, R, C> {
     #[inline(always)]
     #[must_use]
     pub fn times<const K: usize>(&self, other: &Mat<T, C, K>) -> Mat<T, R, K> {
-        if const { are_many(R, C, K) } {
+        if const { are_many::<T>(R, C, K) } {
             let mut to = Mat::zero();
             let (a, b) = (self.0.as_flattened(), other.0.as_flattened());
             product((a, C), (b, K), false, to.0.as_flattened_mut());

@@ -29,7 +29,11 @@ impl<T: Scalar, const N: usize> Semidefinite<T, N> {
     /// Factors a covariance.
     #[inline(always)]
     pub fn of(covariance: &Covariance<T, N>) -> Self {
-        if const { are_many(N, N, N) } { Self::called(covariance) } else { Self::written_out(covariance) }
+        if const { are_many::<T>(N, N, N) } {
+            Self::called(covariance)
+        } else {
+            Self::written_out(covariance)
+        }
     }
 
     /// One function for all users of a size of many states.

@@ -62,7 +62,7 @@ pub(crate) fn triangularize<T: Scalar, const N: usize, const K: usize>(
     b: Mat<T, N, K>,
     c: Mat<T, N, N>,
 ) -> Mat<T, N, N> {
-    if const { are_many(N, N, N) } { called(a, b, c) } else { written_out(a, b, c) }
+    if const { are_many::<T>(N, N, N) } { called(a, b, c) } else { written_out(a, b, c) }
 }
 
 /// One function for all users of a size of many states.
