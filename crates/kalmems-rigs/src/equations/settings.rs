@@ -375,9 +375,10 @@ impl EquationSettings {
 
 /// Which filters state standard deviations of a start that the signal tells with its own, where some do.
 fn unused_deviations(table: &EquationsTable, estimate: &Estimate) -> Option<String> {
+    let starts_by_swing = table.oscillation.as_ref().is_some_and(|oscillation| oscillation.starts);
     let unused = |filter: &&FilterTable| {
         let from_signal = !matches!(filter.start, Some(FilterStart::Values(_)));
-        table.start_tells_itself && from_signal && !filter.start_sd.is_empty()
+        table.start_tells_itself && !starts_by_swing && from_signal && !filter.start_sd.is_empty()
     };
     let names: Vec<String> =
         estimate.filters.iter().filter(unused).map(|filter| format!("`{}`", filter.name)).collect();
