@@ -9,8 +9,8 @@ use super::uncertainty::{Correlations, UncertainNumber};
 use super::values::{self, AnyValue, ExpectedEntry, Values};
 use super::variation::Variations;
 use super::{
-    ArraysByFile, Channels, ConfigError, ConfigFault, DriveSource, Estimate, Identify, Key, Name, Recording,
-    Reference, Sign, Simulate, StreamTable,
+    ArraysByFile, Channels, ConfigError, ConfigFault, DriveSource, Estimate, FilesBeside, Identify, Key,
+    Name, Recording, Reference, Sign, Simulate, StreamTable,
 };
 use crate::layout::{DeclaredColumn, RecordingLayout};
 use crate::units::Kind;
@@ -55,6 +55,8 @@ pub struct Experiment {
     #[serde(skip)]
     arrays: ArraysByFile,
     #[serde(skip)]
+    beside: FilesBeside,
+    #[serde(skip)]
     pub(super) variations: Variations,
     /// What was uncertain of the device from which this one differs in one direction, and is exact here.
     #[serde(skip)]
@@ -75,6 +77,7 @@ impl Clone for Experiment {
             stream: self.stream.clone(),
             source: self.source.clone(),
             arrays: self.arrays.clone(),
+            beside: self.beside.clone(),
             variations: self.variations.clone(),
             was_uncertain: self.was_uncertain.clone(),
         }
@@ -183,6 +186,18 @@ impl Experiment {
         }
         self.arrays = arrays.clone();
         self
+    }
+
+    /// The same that shares with others what is read of files beside its recordings.
+    #[must_use]
+    pub fn sharing(mut self, beside: &FilesBeside) -> Self {
+        self.beside = beside.clone();
+        self
+    }
+
+    /// What was read of files beside its recordings.
+    pub const fn beside(&self) -> &FilesBeside {
+        &self.beside
     }
 
     /// The arrays in the place of files.

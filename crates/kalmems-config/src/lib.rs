@@ -15,6 +15,7 @@
 //! ```
 
 mod arrays;
+mod beside;
 mod clock;
 mod column;
 mod device;
@@ -52,6 +53,7 @@ mod variation;
 mod vibrometer;
 
 pub use arrays::ArraysByFile;
+pub use beside::{FilesBeside, ReadFile};
 pub use clock::{Clock, TimeColumn};
 pub use column::{ColumnChoice, FileColumns};
 pub use device::{DeviceDescription, DeviceKind, OtherTerms, read_device};

@@ -63,7 +63,7 @@ impl Experiment {
                 ConfigFault::Value { why },
             )
         })?;
-        let mut experiment = experiment.with_arrays(self.arrays());
+        let mut experiment = experiment.with_arrays(self.arrays()).sharing(self.beside());
         // A filter that has a number as a state starts with what was stated of it, as that of the device as it is stated does.
         experiment.was_uncertain = self.uncertain()?;
         Ok(VariedExperiment { direction, experiment })

@@ -353,6 +353,10 @@ impl Transition for WithReadoutStates<'_> {
         self.transition.advance_in_halves(&x[..own], &mut to[..own])
     }
 
+    fn is_smooth(&self) -> bool {
+        self.transition.is_smooth()
+    }
+
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
         let all = (0..=MOST_STATES).find(|n| n * n == covariance.len()).unwrap_or(0);
         let own = all - self.states.len().min(all);

@@ -4,6 +4,7 @@ use super::engine::{Course, Filtering};
 use super::transition::{Sensor, Transition, TransitionProcess};
 use super::{SampleCounts, SampleSelection};
 use kalmems_core::{Covariance, Mat, NumericProcess};
+use std::iter::successors;
 use std::ops::Range;
 
 /// The shadow of a filter: the difference between its mean and that of the same filter in steps of half the length, corrected by the
@@ -29,6 +30,9 @@ pub(super) struct StepWatch<const N: usize> {
     is_needed: bool,
     /// Whether the filter's mean goes on as the mean of sigma points, and not by the step itself.
     is_unscented: bool,
+    /// How many steps one in two halves stands for, and how many there are until the next.
+    stands_for: u32,
+    until_next: u32,
 }
 
 /// What the shadow of a filter tells of some samples.
@@ -49,6 +53,12 @@ impl StepFigure {
     }
 }
 
+/// Where the error of some samples is below this part of a claimed standard deviation, and nothing in the equations bends, one step of a few is
+/// followed in two halves and stands for all of them: the halves cost twice what the step does. A prime number of steps, so that they come to
+/// all phases of a motion.
+const QUIET: f64 = 0.01;
+const STANDS_FOR: u32 = 7;
+
 /// What a step of fourth order is off by, of what it differs from two of half the length by.
 const OF_FOURTH_ORDER: f64 = 16.0 / 15.0;
 
@@ -65,6 +75,8 @@ impl<const N: usize> StepWatch<N> {
             nis: (0.0, 0.0),
             is_needed: false,
             is_unscented,
+            stands_for: 1,
+            until_next: 0,
         }
     }
 
@@ -90,6 +102,12 @@ impl<const N: usize> StepWatch<N> {
                 }
             }
         }
+        let stands_for = if transition.is_smooth() { self.stands_for } else { 1 };
+        self.until_next = self.until_next.min(stands_for).saturating_sub(1);
+        if self.until_next > 0 {
+            return;
+        }
+        self.until_next = stands_for;
         let (mut whole, mut halves) = (*next, [0.0; N]);
         if !transition.advance_in_halves(mean, &mut halves) {
             return;
@@ -103,8 +121,9 @@ impl<const N: usize> StepWatch<N> {
         if self.is_unscented {
             transition.advance(mean, &mut whole);
         }
+        let weight = f64::from(stands_for);
         for i in 0..N {
-            self.difference[i] += halves[i] - whole[i];
+            self.difference[i] += weight * (halves[i] - whole[i]);
         }
     }
 
@@ -164,6 +183,7 @@ impl<const N: usize> StepWatch<N> {
             self.squares_of_present[i] * if keeps[i] { (TOO_LARGE / TOO_LARGE_KEPT).powi(2) } else { 1.0 }
         });
         let (error, of_present) = (of_worst(&self.squares), of_worst(&urgent));
+        self.stands_for = if error.max(of_present) < QUIET { STANDS_FOR } else { 1 };
         let known = self.is_needed && self.samples > 0;
         let (sum, count) = self.nis;
         let mean_nis = if count > 0.0 { sum / count } else { 1.0 };
@@ -261,6 +281,10 @@ pub(super) const STEP_ERROR_SAMPLES: usize = 256;
 const PLANNED_ON: usize = super::driven::BLOCK;
 /// The error of the steps, in standard deviations that the filter claims, up to which they are short enough.
 const SHORT_ENOUGH: f64 = 0.02;
+/// The rows after which the error is looked at first, and again after twice as many, and the part of [`SHORT_ENOUGH`] below which it leaves no
+/// doubt: what comes behind is watched in any case.
+const FIRST_LOOK: usize = 512;
+const NO_DOUBT: f64 = 0.25;
 /// The error of some samples, in standard deviations that the filter claims, above which shorter steps are taken behind them.
 const TOO_LARGE: f64 = 0.05;
 /// The same of a state that no noise moves: it keeps the error, and with what the shorter steps add, at most [`SHORT_ENOUGH`], that stays below
@@ -309,14 +333,16 @@ pub(super) fn plan_steps(
     best.0
 }
 
-/// What the shadow tells of the later half of some rows, the error infinite where the filter stops; `None` where the steps are exact.
+/// What the shadow tells of the later half of some rows, or of the later half of fewer where that leaves no doubt; the error infinite where the
+/// filter stops, and `None` where the steps are exact.
 fn error_over(
     filter: &mut dyn Filtering,
     course: &mut dyn Course,
     rows: &Range<usize>,
 ) -> Option<StepFigure> {
     let mut counts = SampleCounts::default();
-    let middle = rows.start.midpoint(rows.end);
+    let mut halves = successors(Some(FIRST_LOOK), |rows| Some(2 * rows)).map(|length| rows.start + length);
+    let mut half = halves.next();
     for row in rows.clone() {
         let moved = if row > rows.start { course.advance(filter, row, &mut counts) } else { Ok(()) };
         let time_s = course.time_s().get(row).copied().unwrap_or(f64::NAN);
@@ -328,8 +354,12 @@ fn error_over(
             return Some(StepFigure { error: f64::INFINITY, of_present: f64::INFINITY, mean_nis: 1.0 });
         };
         filter.take_step_error(innovation.map_or(f64::NAN, |innovation| innovation.nis));
-        if row == middle {
-            filter.step_error();
+        if half == Some(row) {
+            half = halves.next();
+            let figure = filter.step_error()?;
+            if figure.error < NO_DOUBT * SHORT_ENOUGH {
+                return Some(figure);
+            }
         }
     }
     let figure = filter.step_error()?;

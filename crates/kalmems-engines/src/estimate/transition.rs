@@ -26,6 +26,11 @@ pub trait Transition {
         false
     }
 
+    /// Whether its rates bend and jump nowhere, so that the error of a step tells those of its neighbours.
+    fn is_smooth(&self) -> bool {
+        true
+    }
+
     /// The motion in continuous time where its linear part is taken; `None` where that is not known.
     fn continuous(&self) -> Option<ContinuousMotion> {
         None

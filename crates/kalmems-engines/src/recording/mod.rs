@@ -26,6 +26,7 @@
 //! # Ok::<(), kalmems_engines::recording::ReadError>(())
 //! ```
 
+mod beside;
 pub(crate) mod blocks;
 pub(crate) mod clock_unit;
 mod computed_rows;

@@ -2,7 +2,8 @@
 
 use super::Rig;
 use crate::config::{
-    ArraysByFile, ConfigError, ConfigFault, ConfigPlace, DeviceKind, Experiment, Key, experiment_schema,
+    ArraysByFile, ConfigError, ConfigFault, ConfigPlace, DeviceKind, Experiment, FilesBeside, Key,
+    experiment_schema,
 };
 use std::fmt;
 use std::path::Path;
@@ -13,6 +14,7 @@ use std::sync::Arc;
 pub struct Workbench {
     rigs: Vec<Arc<dyn Rig>>,
     arrays: ArraysByFile,
+    beside: FilesBeside,
 }
 
 impl Workbench {
@@ -76,7 +78,8 @@ impl Workbench {
     }
 
     fn read(&self, read: Result<Experiment, ConfigError>) -> Result<Experiment, ConfigError> {
-        let experiment = read.map_err(|error| self.with_devices(error))?.with_arrays(&self.arrays);
+        let experiment = read.map_err(|error| self.with_devices(error))?;
+        let experiment = experiment.with_arrays(&self.arrays).sharing(&self.beside);
         self.rig(&experiment)?;
         // Of what the rig has read, with the uncertainties that stand in tables of their own.
         experiment.directions()?;

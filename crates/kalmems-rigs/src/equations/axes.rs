@@ -42,11 +42,11 @@ impl DrivenAxis {
         if names.len() > MOST_AXES {
             return Err(refused(format!("{} states are named; expected {MOST_AXES} at most", names.len())));
         }
-        let linear = own.device.motion(&[]).ok().map(|motion| own.linear_about(&motion, &own.rest));
+        let linear = own.linear_about(&own.rest);
         let of = |name: &String| {
             let states = swinging(own, table, name).map_err(refused)?;
             let [state, rate] = states;
-            let per_angle = linear.as_ref().and_then(|linear| linear.get(rate * own.rest.len() + state));
+            let per_angle = linear.get(rate * own.rest.len() + state);
             let natural_hz = per_angle.map_or(f64::NAN, |slope| (-slope).sqrt() / TAU);
             if natural_hz > 0.0 {
                 return Ok(Self { states, natural_hz });

@@ -6,7 +6,7 @@ use super::event_times::{EventTimes, FoundEvents};
 use super::events::{EventSettings, EventTimeSource, FilterEventUse};
 use super::feedthrough_course::measured;
 use super::interpolation::Interpolation;
-use super::model::{EquationModel, Interval, noises};
+use super::model::{EquationModel, Interval};
 use super::segment::{EquationFilterTask, at_rest, motion, rates_of_inputs};
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::table::refused;
@@ -297,8 +297,7 @@ fn measures(
     (own, filter): (&OwnDevice, &EquationFilterSettings),
     interval_s: f64,
 ) -> Result<Vec<EmitMeasure>, ExportError> {
-    let (_, variances) = noises(&own.device, (&own.values, &own.rest, &own.bandwidths), interval_s.recip())
-        .map_err(|error| refused(experiment, &error))?;
+    let variances = own.variances(interval_s.recip());
     let all: Vec<usize> = match filter.measures.as_slice() {
         [] => (0..variances.len()).collect(),
         some => some.to_vec(),

@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::f64::consts::TAU;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// A steady sinusoidal input that reaches the signals beside the motion. A recording with the role `bias_on` takes what it makes of them from its
 /// counterpart with the role `bias_off`, record by record; another one from what is stated here. An input that leaves its sine is refused.
@@ -225,7 +226,7 @@ pub fn counterpart(experiment: &Experiment, index: usize) -> Result<Option<usize
 /// A recording with the bias off.
 pub struct BiasOffRecording<'a> {
     name: String,
-    recording: SampledRecording,
+    recording: Arc<SampledRecording>,
     columns: EquationColumns<'a>,
 }
 
@@ -239,7 +240,9 @@ impl<'a> BiasOffRecording<'a> {
         let (described, columns) = (experiment.recording(index)?, EquationColumns::of(experiment, index)?);
         let layout = described.layout(&columns.all());
         let path = experiment.resolve(&described.file);
-        let recording = SampledRecording::read_with(&path, &layout, &mut |done, _| progress.reached(done))?;
+        let of = (&*path, &layout);
+        let recording =
+            SampledRecording::read_beside(of, experiment.beside(), &mut |done, _| progress.reached(done))?;
         let name =
             described.name.as_ref().map_or_else(|| recording.source().file.clone(), ToString::to_string);
         Ok(Self { name, recording, columns })

@@ -26,8 +26,7 @@ pub struct HeldSource {
 impl HeldSource {
     /// Of a measured state; `None` where no state acts on its motion, or several do.
     pub fn of(own: &OwnDevice, measured: usize) -> Option<Self> {
-        let motion = own.device.motion(&[]).ok()?;
-        let known: Vec<(usize, usize)> = motion.sparsity().collect();
+        let known: Vec<(usize, usize)> = own.motion.sparsity().collect();
         let moving =
             groups(own.device.own_states(), &known).into_iter().find(|group| group.contains(&measured))?;
         let acts = known.iter().filter(|(row, column)| moving.contains(row) && !moving.contains(column));
@@ -35,7 +34,7 @@ impl HeldSource {
         let (1, Some(source)) = (acting.len(), acting.first().copied()) else { return None };
         let is_unknown = |state: &usize| *state != measured;
         let unknown: Vec<usize> = moving.iter().copied().filter(is_unknown).chain([source]).collect();
-        (moving.len() <= MOST).then_some(Self { motion, measured, moving, unknown })
+        (moving.len() <= MOST).then(|| Self { motion: own.motion.clone(), measured, moving, unknown })
     }
 
     /// The state that acts.

@@ -111,7 +111,7 @@ impl InstrumentHistory {
         // not negative, and bounded by the recording
         let whole = |late: f64| if late > 0.0 { late.ceil() as usize + 1 } else { 0 };
         let reach = [lates().map(whole).max(), lates().map(|late| whole(-late)).max()];
-        let motion = own.device.motion(&[])?;
+        let motion = own.motion.clone();
         Ok(Some(Self {
             instruments: instruments.iter().zip(noises).map(one).collect::<Result<_, EquationError>>()?,
             reach: reach.map(Option::unwrap_or_default),

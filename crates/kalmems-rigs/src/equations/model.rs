@@ -806,6 +806,10 @@ impl Transition for UnderInputs<'_> {
         true
     }
 
+    fn is_smooth(&self) -> bool {
+        !self.model.has_kinks()
+    }
+
     fn continuous(&self) -> Option<ContinuousMotion> {
         let (slopes, moving) = (self.model.linear_at_rest(), self.model.moving());
         let poles = modes(&slopes, moving)?;
@@ -895,29 +899,4 @@ pub fn steps_over(pace: f64, interval_s: f64) -> Option<usize> {
     let steps = (pace * interval_s).ceil().max(1.0);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small positive count
     (steps <= MOST_STEPS as f64).then_some(steps as usize)
-}
-
-/// The noises that a device's table states, at a sampling rate in Hz: the density of each state's rate, 0 where none is stated,
-/// and the variance of a sample of each measurement; of one that varies as it is at rest. What a bandwidth in Hz lets through beyond half the
-/// sampling rate is folded into the samples.
-pub fn noises(
-    device: &Device,
-    (values, rest, bandwidths): (&[f64], &[f64], &[f64]),
-    rate_hz: f64,
-) -> Result<(Vec<f64>, Vec<Option<f64>>), EquationError> {
-    let (mut densities, mut variances) =
-        (vec![0.0; device.states().len()], vec![None; device.measures().len()]);
-    for (kind, size) in device.noise(values, rest)? {
-        match kind {
-            NoiseKind::Rate { state } => densities[state] = size,
-            NoiseKind::Variance { measure } => variances[measure] = Some(size),
-            NoiseKind::Density { measure } => {
-                let bandwidth_hz = bandwidths.get(measure).copied().unwrap_or(0.0);
-                variances[measure] = Some(size * bandwidth_hz.max(0.5 * rate_hz));
-            }
-            // Those of events are with what filters are told of them.
-            NoiseKind::EventTime { .. } | NoiseKind::Event { .. } => {}
-        }
-    }
-    Ok((densities, variances))
 }

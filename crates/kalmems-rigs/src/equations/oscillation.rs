@@ -162,8 +162,7 @@ impl MeasuredOscillation {
             return Err(format!("`oscillation.harmonic` is {}; 1 and 2 can be read", stated.harmonic));
         }
         let wrong = |error: kalmems_equations::EquationError| error.to_string();
-        let (motion, readout) =
-            (device.motion(&[]).map_err(wrong)?, device.readout(measure, &[]).map_err(wrong)?);
+        let (motion, readout) = (&own.motion, device.readout(measure, &[]).map_err(wrong)?);
         let mut followers = Vec::new();
         let mut found: Vec<usize> = readout.sparsity().collect();
         while let Some(next) = found.pop() {
@@ -210,7 +209,7 @@ impl MeasuredOscillation {
             inputs: inputs.len(),
             harmonic: stated.harmonic.get().into(),
             cycle: cycle.collect(),
-            motion,
+            motion: motion.clone(),
             readout,
             followers,
         };

@@ -58,7 +58,7 @@ where
         return Err(wrong(&names.join("`, `"), format!("{} filters", names.len())));
     };
     let basics = &filter.basics;
-    let states = basics.states(&filter.own.states()).len();
+    let states = basics.states(filter.own.states()).len();
     let found = match basics.method {
         _ if !basics.method.claims() => Some("a method without a process".to_owned()),
         Method::Bank => Some("several models".to_owned()),

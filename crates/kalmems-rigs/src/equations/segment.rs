@@ -12,7 +12,7 @@ use super::feedthrough::{
 use super::feedthrough_error::FeedthroughError;
 use super::first_peak::{orient, sign_after_restart};
 use super::input_part::InputPart;
-use super::model::{EquationModel, Interval, noises};
+use super::model::{EquationModel, Interval};
 use super::names;
 use super::own_filter::OwnFilter;
 use super::phase_lock::{LoopOf, phase_lock};
@@ -20,7 +20,7 @@ use super::phases::PhaseCourse;
 use super::range::RangeTally;
 use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
 use super::sine::{QuantitySine, SCORED_CYCLES};
-use super::start::{most_rows, rows_before, start_of};
+use super::start::{most_rows, start_of};
 use super::table::refused;
 use crate::Estimator;
 use crate::config::{ConfigFault, Experiment, Key, Method};
@@ -36,7 +36,7 @@ use crate::progress::{Interruption, Progress, Silent};
 use crate::recording::{Finding, SampledRecording};
 use crate::signal::{SLOPE_REACH, Sine};
 use kalmems_core::Nodes;
-use kalmems_equations::{Device, EquationError};
+use kalmems_equations::Device;
 use std::f64::consts::TAU;
 
 /// Cycles of the free motion after the settling time in which a signal that does not cross its level as it has to is told.
@@ -273,8 +273,8 @@ impl Estimator for EquationEstimator<'_> {
         let (before, after) = around
             .chain(rates)
             .fold((before, after), |(before, after), own| (before.max(own.0), after.max(own.1)));
-        let again =
-            filters().map(|filter| rows_before((&filter.own, &filter.prior_of_a_later_start()), interval_s));
+        // And one before them.
+        let again = filters().map(|filter| filter.later_start().rows(&filter.own, interval_s) + 1);
         let mut again = again.fold(0, usize::max);
         if self.settings.sine.is_some() {
             (rows, again) =
@@ -327,8 +327,7 @@ impl Estimator for EquationEstimator<'_> {
         sampled.add_rates(&mut inputs, (device, &rates), &self.columns)?;
         let known = sampled.known((&settings.own, inputs.len()), &self.columns)?;
         self.columns.require_right(self.experiment, (device, part.begins), &segment)?;
-        let variances = variances(&settings.own, segment.interval_s);
-        let variances = variances.map_err(|error| refused(self.experiment, &error))?;
+        let variances = settings.own.variances(segment.interval_s.recip());
         let mut channels = channels((self.experiment, &settings.own), &self.columns, &variances, &segment)?;
         let kept = (self.bias_off.as_ref(), &mut self.taken_off, &*past.numbers);
         let (signals, taken_off) =
@@ -449,12 +448,6 @@ fn bends(own: &OwnDevice, channels: &[SegmentChannel<'_>], of: (&[f64], &[Segmen
     rows.sort_unstable();
     rows.dedup();
     rows
-}
-
-/// The variance of a sample of each measurement at rest, at this interval in s.
-fn variances(own: &OwnDevice, interval_s: f64) -> Result<Vec<Option<f64>>, EquationError> {
-    let at = (&*own.values, &*own.rest, &*own.bandwidths);
-    Ok(noises(&own.device, at, interval_s.recip())?.1)
 }
 
 /// The measured channels over a segment, with the variance of a sample of each.
@@ -683,15 +676,15 @@ impl EquationFilterTask<'_> {
     /// Its trajectory, and the smoothed ones that are wanted.
     pub fn follow(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
         let basics = &self.filter.basics;
-        let states = basics.states(&self.own.states());
+        let states = basics.states(self.own.states());
         if let Some(inverse) = &self.filter.inverse {
-            return Ok(self.inversion(inverse, &self.own.states()).into_iter().collect());
+            return Ok(self.inversion(inverse, self.own.states()).into_iter().collect());
         }
         if let Some(sine) = self.sine.filter(|_| basics.method == Method::LockIn) {
             return Ok(vec![self.lock_in_of_sine(sine, past)?]);
         }
         if basics.method == Method::LockIn {
-            return Ok(vec![self.lock_in(past, &self.own.states())?]);
+            return Ok(vec![self.lock_in(past, self.own.states())?]);
         }
         if basics.method == Method::EulerEkf {
             self.require_slow()?;

@@ -9,11 +9,12 @@ use super::first_peak::AngleSign;
 use super::interpolation::Interpolation;
 use super::inversion::Inverse;
 use super::known::{KnownDevice, known_states};
-use super::model::{EquationModel, RateDensity, StepRule, noises, pace};
+use super::model::{EquationModel, RateDensity, StepRule, pace};
 use super::names;
 use super::oscillation::{MeasuredOscillation, OscillationTable};
 use super::range::{QuantityRange, ranges};
 use super::sine::QuantitySine;
+use super::start::LaterStart;
 use super::table::{EquationsTable, refused};
 use super::threshold;
 use crate::config::{
@@ -27,14 +28,24 @@ use crate::estimate::{
 };
 use crate::units::{Dimension, kind, name};
 use kalmems_equations::{Device, EquationError, Mode, Motion, Named, NoiseKind, modes, vector_elements};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A device with the values of its parameters, and how it moves when it is left alone.
 pub struct OwnDevice {
     /// Its equations.
     pub device: Arc<Device>,
+    /// How it moves with its parameters as they are stated.
+    pub motion: Motion,
     /// The values of its parameters in SI.
     pub values: Vec<f64>,
+    /// The states that come round, with their periods.
+    pub periods: Vec<(usize, f64)>,
+    /// Its states, as trajectories name them.
+    names: Vec<StateName>,
+    /// The noises that its table states, each as it is at rest.
+    noise: Vec<(NoiseKind, f64)>,
+    /// The first of its own states that its first measurement depends on.
+    read: Option<usize>,
     /// Where it rests without an input; 0 throughout where it rests nowhere.
     pub rest: Vec<f64>,
     /// Whether it rests there.
@@ -124,8 +135,9 @@ impl OwnDevice {
         let inputs = vec![0.0; device.inputs().len()];
         // A state that comes round, or whose rate no state changes, rests wherever it is.
         let mut held = vec![false; states];
-        for (state, _) in device.periods(&values)? {
-            held[state] = true;
+        let periods = device.periods(&values)?;
+        for (state, _) in &periods {
+            held[*state] = true;
         }
         for (state, is_held) in held.iter_mut().enumerate() {
             *is_held |= motion.sparsity().all(|(row, _)| row != state);
@@ -135,9 +147,18 @@ impl OwnDevice {
         let rest = found.unwrap_or_else(|| vec![0.0; states]);
         let hidden_signs = device.hidden_signs();
         let modes = Vec::new();
+        let noise = device.noise(&values, &rest)?;
+        let read = device.readout(0, &[]).ok();
+        let read = read.and_then(|read| read.sparsity().find(|state| *state < device.own_states()));
+        let names = names::states(&device);
         let mut own = Self {
             device,
+            motion,
             values,
+            periods,
+            names,
+            noise,
+            read,
             rest,
             rests,
             held,
@@ -158,7 +179,7 @@ impl OwnDevice {
         };
         let about =
             about.iter().zip(&own.rest).map(|(about, rest)| about.unwrap_or(*rest)).collect::<Vec<_>>();
-        own.modes = modes_of(&own.linear_about(&motion, &about), states);
+        own.modes = modes_of(&own.linear_about(&about), states);
         Ok(own)
     }
 
@@ -172,12 +193,35 @@ impl OwnDevice {
     }
 
     /// The slopes of its rates there, row by row, without an input.
-    pub fn linear_about(&self, motion: &Motion, about: &[f64]) -> Vec<f64> {
+    pub fn linear_about(&self, about: &[f64]) -> Vec<f64> {
         let states = self.rest.len();
         let (mut rates, mut jacobian) = (vec![0.0; states], vec![0.0; states * states]);
         let (at, inputs) = (self.rest_about(about), vec![0.0; self.device.inputs().len()]);
-        motion.linearize(&mut motion.work(&self.values), &at, &inputs, &mut rates, &mut jacobian);
+        self.motion.linearize(&mut self.motion.work(&self.values), &at, &inputs, &mut rates, &mut jacobian);
         jacobian
+    }
+
+    /// The variance of a sample of each measurement at a sampling rate in Hz, where one is stated; of one that varies as it is at rest. What a
+    /// bandwidth lets through beyond half the sampling rate is folded into the samples.
+    pub fn variances(&self, rate_hz: f64) -> Vec<Option<f64>> {
+        let mut variances = vec![None; self.device.measures().len()];
+        for (kind, size) in &self.noise {
+            match *kind {
+                NoiseKind::Variance { measure } => variances[measure] = Some(*size),
+                NoiseKind::Density { measure } => {
+                    let bandwidth_hz = self.bandwidths.get(measure).copied().unwrap_or(0.0);
+                    variances[measure] = Some(size * bandwidth_hz.max(0.5 * rate_hz));
+                }
+                // Those of events are with what filters are told of them.
+                NoiseKind::Rate { .. } | NoiseKind::EventTime { .. } | NoiseKind::Event { .. } => {}
+            }
+        }
+        variances
+    }
+
+    /// The density of the noise of each state's rate, 0 where none is stated; of one that varies as it is at rest.
+    pub fn densities(&self) -> Vec<f64> {
+        densities(&self.noise, self.rest.len())
     }
 
     /// The frequency of its free motion in Hz: that of its slowest oscillation; of a device that does not oscillate, one by its
@@ -201,9 +245,8 @@ impl OwnDevice {
 
     /// Where the states settle that are not held, without an input.
     fn settled(&self, start: &[f64], held: &[bool]) -> Option<Vec<f64>> {
-        let motion = self.device.motion(&[]).ok()?;
-        let mut work = motion.work(&self.values);
-        motion.rest(&mut work, start, held, &vec![0.0; self.device.inputs().len()])
+        let mut work = self.motion.work(&self.values);
+        self.motion.rest(&mut work, start, held, &vec![0.0; self.device.inputs().len()])
     }
 
     /// Steps per second that follow its motion.
@@ -213,10 +256,7 @@ impl OwnDevice {
 
     /// The state by which its motion is judged: its angle, or what it is for, or the first that a measurement reads, or else the first.
     pub fn judged(&self) -> usize {
-        let read = self.device.readout(0, &[]).ok();
-        let first =
-            read.and_then(|readout| readout.sparsity().find(|state| *state < self.device.own_states()));
-        self.angles.first().copied().or(self.answer).or(first).unwrap_or(0)
+        self.angles.first().copied().or(self.answer).or(self.read).unwrap_or(0)
     }
 
     /// Whether it has an angle.
@@ -254,9 +294,19 @@ impl OwnDevice {
     }
 
     /// Its states, as trajectories name them.
-    pub fn states(&self) -> Vec<StateName> {
-        names::states(&self.device)
+    pub fn states(&self) -> &[StateName] {
+        &self.names
     }
+}
+
+fn densities(noise: &[(NoiseKind, f64)], states: usize) -> Vec<f64> {
+    let mut densities = vec![0.0; states];
+    for (kind, size) in noise {
+        if let NoiseKind::Rate { state } = kind {
+            densities[*state] = *size;
+        }
+    }
+    densities
 }
 
 /// The modes of a linear motion; none where they are not known.
@@ -324,6 +374,7 @@ pub struct EquationFilterSettings {
     /// The states that it holds, by the table of a sine, because nothing in the file moves them.
     held: Vec<usize>,
     start: EquationStart,
+    later_start: OnceLock<LaterStart>,
     /// How large each state usually is, where the device's table says it.
     usual: Vec<Option<f64>>,
     /// The density of the noise of each state's rate, where the file says one here.
@@ -680,6 +731,7 @@ impl EquationFilterSettings {
             oscillations,
             held,
             start,
+            later_start: OnceLock::new(),
             usual,
             density,
         })
@@ -735,11 +787,15 @@ impl EquationFilterSettings {
         prior
     }
 
+    /// How it is started again where it has lost the signal. It is found once, and not with each block of a stream.
+    pub fn later_start(&self) -> &LaterStart {
+        self.later_start.get_or_init(|| LaterStart::of(&self.own, self.prior_of_a_later_start()))
+    }
+
     /// What is known of the states before a start that is sought later, since the signal was lost.
     pub fn prior_of_a_later_start(&self) -> Vec<StatePrior> {
-        let own = &self.own;
         self.prior().unwrap_or_else(|| {
-            let motion = own.rest.iter().zip(&self.usual);
+            let motion = self.own.rest.iter().zip(&self.usual);
             let motion = motion.map(|(rest, usual)| StatePrior { mean: *rest, sd: *usual });
             self.holding(motion.chain(self.basics.priors()).collect())
         })
@@ -762,7 +818,7 @@ impl EquationFilterSettings {
                 values[place] += shift;
             }
         }
-        let (stated, _) = noises(&own.device, (&values, &own.rest, &[]), f64::NAN)?;
+        let stated = densities(&own.device.noise(&values, &own.rest)?, own.rest.len());
         let varying = own.device.varying_noise(&[])?;
         let of_state = |(state, (stated, own)): (usize, (&f64, &Option<f64>))| match own {
             Some(own) => RateDensity::Held(*own),

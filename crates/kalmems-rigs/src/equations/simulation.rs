@@ -3,7 +3,7 @@
 use super::feedback::{Loop, loops};
 use super::feedthrough_course::SimulatedFeedthrough;
 use super::instrument::{InstrumentHistory, ShownQuantity, columns, instruments};
-use super::model::{noises, steps_over};
+use super::model::steps_over;
 use super::names;
 use super::settings::{OwnDevice, some};
 use super::simulated_event::{SimulatedEvent, recorded_events};
@@ -237,10 +237,8 @@ impl EquationSimulation {
         let stated = some(experiment, &Key::from("simulate.start"), &simulate.start, &entries)?;
         let start = own.started(&stated);
         let rate_hz = simulate.sampling_rate.si();
-        let (densities, variances) =
-            noises(device, (&own.values, &own.rest, &own.bandwidths), rate_hz).map_err(wrong)?;
-        let variances = variances.into_iter().map(|variance| variance.unwrap_or(0.0)).collect();
-        let periods = device.periods(&own.values).map_err(wrong)?;
+        let variances = own.variances(rate_hz).into_iter().map(|variance| variance.unwrap_or(0.0)).collect();
+        let (densities, periods) = (own.densities(), own.periods.clone());
         let events = recorded_events(&own).map_err(wrong)?;
         let table = experiment.device_in_terms_of::<EquationsTable>()?;
         let of_recording = (rate_hz.recip(), simulate.samples());
@@ -420,7 +418,7 @@ impl SimulatedMotion {
         of_rates: Vec<WhiteNoise>,
     ) -> Result<Self, EquationError> {
         let own = &simulation.own;
-        let motion = own.device.motion(&[])?;
+        let motion = own.motion.clone();
         let resets = own.device.resets(&own.values, (&motion, &[]))?;
         let takes = motion.takes().iter().map(|enters| *enters || resets.is_some()).collect();
         Ok(Self {
@@ -536,7 +534,8 @@ impl Simulation for EquationSimulation {
         let is_still = self.drives.is_empty() && self.noises.0.iter().all(|density| *density == 0.0);
         is_still
             && !self.own.device.has_resets()
-            && self.own.device.motion(&[]).is_ok_and(|motion| motion.is_linear() && longest_row(&motion) <= 4)
+            && self.own.motion.is_linear()
+            && longest_row(&self.own.motion) <= 4
     }
 
     fn begin(&self) -> Result<SimulationStart, SimulateError> {

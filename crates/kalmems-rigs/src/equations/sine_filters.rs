@@ -84,7 +84,7 @@ impl EquationFilterTask<'_> {
     }
 
     fn told(&self, why: &NoBatchStart) -> String {
-        let states = self.filter.basics.states(&self.own.states());
+        let states = self.filter.basics.states(self.own.states());
         match why {
             NoBatchStart::Undetermined(lost) => {
                 let names = lost.iter().filter_map(|place| states.get(*place));

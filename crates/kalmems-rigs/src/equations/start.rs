@@ -27,10 +27,7 @@ impl FreeMotion {
     fn about(own: &OwnDevice, prior: &[StatePrior]) -> Self {
         let states = own.device.states().len();
         let about: Vec<f64> = prior.iter().take(states).map(|prior| prior.mean).collect();
-        let Ok(motion) = own.device.motion(&[]) else {
-            return Self { linear: Vec::new(), modes: Vec::new() };
-        };
-        let mut linear = own.linear_about(&motion, &about);
+        let mut linear = own.linear_about(&about);
         // A state whose size is known need not be found from the signal: how it goes does not say how long a start is looked for.
         for (place, slope) in linear.iter_mut().enumerate() {
             if own.sized.contains(&(place / states)) || own.sized.contains(&(place % states)) {
@@ -60,12 +57,12 @@ fn cycle_s(own: &OwnDevice, prior: &[StatePrior]) -> f64 {
 
 /// How long the slowest of the states that come round takes for a turn where the search begins, where one moves there.
 fn turn_s(own: &OwnDevice, prior: &[StatePrior]) -> Option<f64> {
-    let motion = own.device.motion(&[]).ok()?;
+    let motion = &own.motion;
     let at: Vec<f64> = prior.iter().take(own.device.states().len()).map(|prior| prior.mean).collect();
     let mut rates = vec![0.0; at.len()];
     motion.rates(&mut motion.work(&own.values), &at, &vec![0.0; own.device.inputs().len()], &mut rates);
-    let turns = own.device.periods(&own.values).ok()?.into_iter().filter_map(|(state, period)| {
-        let turn_s = period / rates.get(state)?.abs();
+    let turns = own.periods.iter().filter_map(|(state, period)| {
+        let turn_s = period / rates.get(*state)?.abs();
         turn_s.is_finite().then_some(turn_s)
     });
     turns.reduce(f64::max)
@@ -80,20 +77,36 @@ pub fn most_rows((own, prior): (&OwnDevice, &[StatePrior]), interval_s: f64) -> 
 fn search(own: &OwnDevice, prior: Vec<StatePrior>) -> StartSearch {
     let states = own.device.states().len();
     let mut search = StartSearch { prior, ..StartSearch::default() };
-    search.periods = own.device.periods(&own.values).unwrap_or_default();
-    let Ok(motion) = own.device.motion(&[]) else { return search };
+    search.periods.clone_from(&own.periods);
     let free = FreeMotion::about(own, &search.prior);
     let mut slowest: Vec<&Mode> = free.oscillating().collect();
     slowest.sort_by(|a, b| a.rate.total_cmp(&b.rate));
     let shapes = slowest.into_iter().take(MOST_SHAPES);
     search.shapes = shapes.filter_map(|mode| shape(&free.linear, states, mode)).collect();
-    let known: Vec<(usize, usize)> = motion.sparsity().collect();
+    let known: Vec<(usize, usize)> = own.motion.sparsity().collect();
     let own_states = own.device.own_states().min(states);
     // Of angles whose signs no signal tells either is taken: an experiment states it afterwards, or it is said to be arbitrary.
     let is_hidden = |state: usize| own.hidden_signs.iter().any(|group| group.contains(&state));
     search.is_symmetric = own.hides_angle() && (0..own_states).all(is_hidden);
     search.mirrored = if search.is_symmetric { own.hidden_signs.clone() } else { groups(own_states, &known) };
     search
+}
+
+/// How a filter that has lost the signal is started again, by what is known of its states before.
+pub struct LaterStart {
+    cycle_s: f64,
+    search: StartSearch,
+}
+
+impl LaterStart {
+    pub fn of(own: &OwnDevice, prior: Vec<StatePrior>) -> Self {
+        Self { cycle_s: cycle_s(own, &prior), search: search(own, prior) }
+    }
+
+    /// The rows that it is started again by.
+    pub fn rows(&self, own: &OwnDevice, interval_s: f64) -> usize {
+        rows_to_start_again((self.cycle_s, interval_s), own.device.states().len())
+    }
 }
 
 /// States that depend on each other both ways, such as a displacement and its rate: what may have another sign together.
@@ -162,16 +175,14 @@ impl EquationFilterTask<'_> {
             return self.start_sine_again(sine, (model, channels, steps));
         }
         let basics = &self.filter.basics;
-        let prior = self.filter.prior_of_a_later_start();
-        let rows =
-            rows_to_start_again((cycle_s(self.own, &prior), self.data.samples.interval_s), self.states());
+        let later = self.filter.later_start();
+        let rows = later.rows(self.own, self.data.samples.interval_s);
         let rule = basics.reacquisition(self.data.motion.frequency_hz, self.data.start_s, rows)?;
-        let search = search(self.own, prior);
         Some(StartAgain::by(rule, move |rows, held| {
             let behind_s = self.data.time_s.get(rows.end).copied()?;
             let of = (self.data, &*self.own.between);
             let mut course = EquationCourse::new(model, of, (channels, &[]), steps);
-            let found = start_again_from_signal(&mut course, rows, &search, &basics.readout)?;
+            let found = start_again_from_signal(&mut course, rows, &later.search, &basics.readout)?;
             Some(self.with_the_signs_before(found, behind_s, held))
         }))
     }
@@ -215,15 +226,6 @@ impl EquationFilterTask<'_> {
             state
         }))
     }
-
-    fn states(&self) -> usize {
-        self.own.device.states().len()
-    }
-}
-
-/// The rows that a filter is started again by, and one before them.
-pub fn rows_before((own, prior): (&OwnDevice, &[StatePrior]), interval_s: f64) -> usize {
-    rows_to_start_again((cycle_s(own, prior), interval_s), own.device.states().len()) + 1
 }
 
 /// How a course goes on behind a start from the signal.

@@ -55,10 +55,8 @@ impl EquationFilterTask<'_> {
     {
         let (basics, own, data) = (&self.filter.basics, self.own, self.data);
         let wrong = |error: EquationError| basics.no_gain(&error);
-        let (motion, readout) = (
-            own.device.motion(&[]).map_err(wrong)?,
-            own.device.readout(channel.measure, &[]).map_err(wrong)?,
-        );
+        let motion = &own.motion;
+        let readout = own.device.readout(channel.measure, &[]).map_err(wrong)?;
         let work = RefCell::new((motion.work(&own.values), readout.work(&own.values), Vec::new()));
         let linearised = |x: &[f64; N], time_s: f64| {
             let (of_motion, of_readout, inputs) = &mut *work.borrow_mut();

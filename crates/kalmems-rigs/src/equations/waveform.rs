@@ -4,19 +4,18 @@ use super::model::steps_over;
 use super::settings::OwnDevice;
 use crate::crossings::CrossingWaveform;
 use kalmems_core::{Nodes, Portable};
-use kalmems_equations::{Device, MOST_STATES, Motion, ReadoutProgram};
-use std::sync::Arc;
+use kalmems_equations::{MOST_STATES, Motion, ReadoutProgram};
 
 /// A measurement of a device that swings through the place of an event, at a rate: the state that the event is of passes it, and all others are at
 /// rest. It moves as it does without an input.
 pub struct EquationWaveform {
-    device: Arc<Device>,
+    motion: Motion,
+    readout: ReadoutProgram,
     values: Vec<f64>,
     /// The state at the event, but for the rate.
     at: Vec<f64>,
     /// The state that is the rate.
     rate: usize,
-    measure: usize,
     passes_hz: f64,
     interval_s: f64,
     /// Steps of an interval.
@@ -35,15 +34,15 @@ impl EquationWaveform {
     /// Of an event that depends on one state whose rate is another one, and of a measurement that changes its value there; `None` for any other.
     pub fn of(own: &OwnDevice, (event, measure): (usize, usize), interval_s: f64) -> Option<Self> {
         let passes_hz = 2.0 * own.natural_hz()?;
-        let (motion, program) = (own.device.motion(&[]).ok()?, own.device.event(event, &[]).ok()?);
+        let program = own.device.event(event, &[]).ok()?;
         let places: Vec<usize> = program.sparsity().collect();
         let [place] = places[..] else { return None };
-        let rate = rate_of(own, &motion, place)?;
+        let rate = rate_of(own, place)?;
         let at = place_of(own, &program, place)?;
         let steps = steps_over(own.pace(), interval_s)?;
-        let (device, values) = (own.device.clone(), own.values.clone());
-        let mut found =
-            Self { device, values, at, rate, measure, passes_hz, interval_s, steps, slope: (1.0, 1.0) };
+        let (motion, readout) = (own.motion.clone(), own.device.readout(measure, &[]).ok()?);
+        let (values, slope) = (own.values.clone(), (1.0, 1.0));
+        let mut found = Self { motion, readout, values, at, rate, passes_hz, interval_s, steps, slope };
         let [one, two] = [1.0, 2.0].map(|rate| found.slope_at(rate));
         let (one, two) = (one?, two?);
         let power = (two / one).portable_log2();
@@ -53,12 +52,11 @@ impl EquationWaveform {
 
     /// The measurement over steps of a length in s from a place at a rate; so many of them.
     fn follow(&self, rate: f64, step_s: f64, steps: usize) -> Option<Vec<f64>> {
-        let motion = self.device.motion(&[]).ok()?;
-        let readout = self.device.readout(self.measure, &[]).ok()?;
+        let Self { motion, readout, .. } = self;
         let (mut work, mut reading) = (motion.work(&self.values), readout.work(&self.values));
         let tables = motion.runge_kutta(step_s);
         let inputs = [0.0; MOST_STATES];
-        let inputs = inputs.get(..self.device.inputs().len())?;
+        let inputs = inputs.get(..motion.takes().len())?;
         let nodes = Nodes { start: inputs, middle: inputs, end: inputs };
         let (mut state, mut next) = (self.at.clone(), self.at.clone());
         *state.get_mut(self.rate)? = rate;
@@ -81,7 +79,8 @@ impl EquationWaveform {
 }
 
 /// The state that is the rate of another one, where there is one.
-fn rate_of(own: &OwnDevice, motion: &Motion, place: usize) -> Option<usize> {
+fn rate_of(own: &OwnDevice, place: usize) -> Option<usize> {
+    let motion = &own.motion;
     let mut of_row = motion.sparsity().filter(|(row, _)| *row == place).map(|(_, column)| column);
     let (Some(rate), None) = (of_row.next(), of_row.next()) else { return None };
     let inputs = vec![0.0; own.device.inputs().len()];
