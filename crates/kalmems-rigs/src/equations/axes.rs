@@ -1,7 +1,7 @@
 //! States that a drive moves each by a sine of its own, and these sines.
 
 use super::oscillation::{OscillationTable, swinging};
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use super::table::EquationsTable;
 use crate::config::{ConfigError, ConfigFault, Experiment, Key};
 use crate::estimate::MotionRate;

@@ -1,7 +1,7 @@
 //! The events of a device: where their times come from, and how filters are told of them, in SI.
 
 use super::names;
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use super::table::EquationsTable;
 use crate::config::{
     AnyValue, ConfigError, ConfigFault, CrossingApplication, CrossingTiming, Edge, Experiment, FilterTable,

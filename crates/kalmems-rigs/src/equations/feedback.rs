@@ -1,7 +1,7 @@
 //! Inputs of a simulated device that follow its measurements: a loop that is closed at each sample.
 
 use super::names;
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use crate::config::{ConfigError, ConfigFault, DriveSource, Experiment, InputSource, Key, Sign, Simulate};
 use crate::simulate::Drive;
 

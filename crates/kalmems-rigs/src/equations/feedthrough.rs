@@ -6,7 +6,7 @@ use super::course::SegmentChannel;
 use super::followed_sine::{DriveSine, NUMBERS, leaves_at};
 use super::names::kind_of;
 use super::ordered::{OfElement, Ordered};
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use super::table::EquationsTable;
 use crate::config::{AnyValue, ConfigError, ConfigFault, Experiment, Key, RecordingRole, Sign};
 use crate::estimate::driven::SegmentDrive;

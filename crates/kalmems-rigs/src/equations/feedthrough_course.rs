@@ -2,7 +2,7 @@
 
 use super::feedthrough::{BiasOffRecording, InputFeedthrough, counterpart, quotient};
 use super::names::kind_of;
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use super::table::EquationsTable;
 use crate::config::{ConfigFault, Experiment, Recording, RecordingRole};
 use crate::estimate::EstimateError;

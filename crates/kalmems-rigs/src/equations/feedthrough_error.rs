@@ -2,7 +2,7 @@
 
 use super::course::EquationSegment;
 use super::feedthrough::TakenOff;
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use crate::estimate::{Contribution, StateSeries, Trajectory};
 use crate::recording::OF_RECORD;
 use kalmems_core::Portable;

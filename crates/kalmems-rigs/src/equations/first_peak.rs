@@ -1,6 +1,6 @@
 //! The signs of angles that no signal tells, as an experiment states them.
 
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use super::table::EquationsTable;
 use crate::config::{ConfigError, ConfigFault, Estimate, Experiment, ExtremeSign, Key};
 use crate::estimate::{AnswerPast, SegmentPart, StatedSign, Trajectory};

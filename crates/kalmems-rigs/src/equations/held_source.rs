@@ -1,6 +1,6 @@
 //! What holds a measured state where it is, as far as that changes slowly: the acceleration of a mass, a force, a rate of turn.
 
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use super::start::groups;
 use kalmems_core::{Lu, Mat};
 use kalmems_equations::{Motion, ProgramNumbers};

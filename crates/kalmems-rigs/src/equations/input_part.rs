@@ -1,7 +1,7 @@
 //! What inputs add to a measurement where the device is at rest, as a current through a capacitance does that passes them on.
 
 use super::model::EquationModel;
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use crate::estimate::Sensor;
 use crate::estimate::driven::SegmentDrive;
 use crate::signal::sample_slopes;

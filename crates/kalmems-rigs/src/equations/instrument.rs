@@ -2,7 +2,7 @@
 
 use super::names::{self, kind_of};
 use super::ordered::OfElement;
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use super::table::EquationsTable;
 use crate::config::kinds::Time;
 use crate::config::{AnyValue, ConfigError, ConfigFault, Experiment, Key, Quantity, Sign};

@@ -1,10 +1,10 @@
 //! What each sample means by itself, where a measurement is that of one state or of one quantity.
 
+use super::filter_task::EquationFilterTask;
 use super::held_source::HeldSource;
 use super::names;
+use super::own_device::OwnDevice;
 use super::range::QuantityRange;
-use super::segment::EquationFilterTask;
-use super::settings::OwnDevice;
 use crate::estimate::{StateName, Trajectory, inversion};
 use kalmems_equations::{ProgramNumbers, ReadoutProgram};
 use std::cell::RefCell;

@@ -1,7 +1,7 @@
 //! Filters that are given states as inputs, for comparison: what an instrument that is to measure them does not have.
 
 use super::interpolation::Interpolation;
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use super::table::EquationsTable;
 use crate::config::{ConfigError, ConfigFault, Experiment, FilterTable, Key};
 use kalmems_equations::{Device, EquationError};

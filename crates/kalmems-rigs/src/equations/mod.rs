@@ -15,6 +15,9 @@ mod feedback;
 mod feedthrough;
 mod feedthrough_course;
 mod feedthrough_error;
+mod filter_devices;
+mod filter_settings;
+mod filter_task;
 mod first_peak;
 mod followed_sine;
 mod held_source;
@@ -22,6 +25,7 @@ mod input_part;
 mod instrument;
 mod interpolation;
 mod inversion;
+mod judged_axes;
 mod kinks;
 mod known;
 mod lines;
@@ -31,12 +35,14 @@ mod number;
 mod ordered;
 mod oscillation;
 mod outlook;
+mod own_device;
 mod own_filter;
 mod part_check;
 mod phase_lock;
 mod phases;
 mod preset;
 mod range;
+mod sampled_inputs;
 mod segment;
 mod settings;
 mod simulated_event;
@@ -74,8 +80,9 @@ use crate::simulate::{SimulateError, Simulation};
 use crate::{Estimator, Expansion, RecordingChannels, Rig, StateDensity, Template, TemplateChannel};
 use interpolation::Interpolation;
 use kalmems_equations::Named;
+use own_device::OwnDevice;
 use segment::EquationEstimator;
-use settings::{EquationSettings, OwnDevice};
+use settings::EquationSettings;
 use simulation::EquationSimulation;
 use table::refused;
 
@@ -316,7 +323,7 @@ impl Rig for EquationsRig {
 
     fn parameters(&self, experiment: &Experiment) -> &'static [DeviceParameter] {
         EquationsTable::of(experiment)
-            .map_or(&[], |(table, device)| settings::parameters(experiment, (&table, &device)))
+            .map_or(&[], |(table, device)| filter_settings::parameters(experiment, (&table, &device)))
     }
 
     fn estimator<'a>(
@@ -349,8 +356,11 @@ impl Rig for EquationsRig {
         if !settings.own.hides_angle() {
             return Ok(Vec::new());
         }
-        let mut peaks_s =
-            segment::first_drive_peaks(&settings, &EquationColumns::of(experiment, index)?, recording)?;
+        let mut peaks_s = sampled_inputs::first_drive_peaks(
+            &settings,
+            &EquationColumns::of(experiment, index)?,
+            recording,
+        )?;
         // Of an angle that no axis is of, the drive of the last axis tells.
         let last = peaks_s.last().copied();
         peaks_s.resize(self.angles(experiment).len(), last.unwrap_or(f64::NAN));

@@ -2,12 +2,12 @@
 
 use super::table::EquationsTable;
 use crate::StateDensity;
-use crate::config::{ExpectedEntry, Sign};
+use crate::config::{ConfigError, ConfigFault, ExpectedEntry, Experiment, Key, Sign, Values};
 use crate::estimate::{DeviceParameter, StateName};
 use crate::evaluate::ValueState;
 use crate::simulate::SimulatedColumn;
 use crate::units::{Interner, Kind, name};
-use kalmems_equations::{Device, Named};
+use kalmems_equations::{Device, Named, vector_elements};
 
 /// The kind of a name's unit.
 pub fn kind_of(named: &Named) -> &'static Kind {
@@ -135,4 +135,29 @@ pub fn parameters((table, device): (&EquationsTable, &Device), added: &[bool]) -
 pub fn written(table: &EquationsTable, parameter: &'static str) -> Vec<(&'static str, i32)> {
     let own = || vec![(name(&format!("parameters.{parameter}")), 1)];
     table.keys.map_or_else(own, |keys| keys(parameter))
+}
+
+/// The values of a table, of which each may be left out. A key may be that of a vector, `x[1..6]`, all of whose elements have the value then.
+pub(super) fn some(
+    experiment: &Experiment,
+    at: &Key,
+    values: &Values,
+    entries: &[ExpectedEntry],
+) -> Result<Vec<Option<f64>>, ConfigError> {
+    let mut all = vec![None; entries.len()];
+    for (key, value) in values {
+        let at = || at.clone().child(key);
+        let refuse = |why| experiment.error(at(), ConfigFault::Value { why });
+        for element in vector_elements(key).map_err(refuse)? {
+            let Some(place) = entries.iter().position(|entry| entry.name == element.name) else {
+                let known = entries.iter().map(|entry| entry.name);
+                return Err(experiment.error(at(), ConfigFault::unknown_key(&element.name, known)));
+            };
+            let read = experiment.value(at(), value, entries[place].kind, entries[place].sign)?;
+            if all[place].replace(read).is_some() {
+                return Err(refuse(format!("`{}` has a value already", element.name)));
+            }
+        }
+    }
+    Ok(all)
 }

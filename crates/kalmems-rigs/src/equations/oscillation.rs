@@ -2,10 +2,10 @@
 
 use super::axes::window_s;
 use super::course::SegmentChannel;
+use super::filter_task::EquationFilterTask;
 use super::input_part::InputPart;
 use super::lines::{SeparateLines, separating_s};
-use super::segment::EquationFilterTask;
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use super::table::EquationsTable;
 use crate::estimate::{
     EstimateError, FilterPast, LockInWindows, StateName, Swing, Trajectory, amplitude_of_line, lock_in,

@@ -1,7 +1,7 @@
 //! What can be said of a device of one's own before anything is recorded.
 
 use super::names;
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use super::short;
 use super::sine::SineTable;
 use super::table::{EquationsTable, refused};

@@ -1,8 +1,8 @@
 //! The phase-locked loop: a constant gain on a sine, whose slopes turn with its phase.
 
+use super::filter_task::under_no_input;
 use super::model::EquationModel;
-use super::segment::under_no_input;
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use crate::estimate::{AnyFilter, GainOf, MeanAndCovariance, Never, Sensor, Transition, butterworth};
 use kalmems_core::Portable;
 use kalmems_core::filter::{Pole, place_poles};

@@ -1,8 +1,8 @@
 //! The filters of one segment.
 
 use super::EquationColumns;
-use super::axes::{AxisSines, DrivenAxis, InputRows, window_s};
-use super::course::{EquationCourse, EquationSegment, SegmentChannel, peak_after};
+use super::axes::{AxisSines, InputRows, window_s};
+use super::course::{EquationSegment, SegmentChannel};
 use super::event_search::EventSearches;
 use super::event_times::EventTimes;
 use super::events::EventSettings;
@@ -10,170 +10,36 @@ use super::feedthrough::{
     BiasOffRecording, FeedthroughPast, SignalsAlone, TakenOff, block_rows, counterpart,
 };
 use super::feedthrough_error::FeedthroughError;
+use super::filter_settings::EquationFilterSettings;
+use super::filter_task::EquationFilterTask;
 use super::first_peak::{orient, sign_after_restart};
 use super::input_part::InputPart;
-use super::model::{EquationModel, Interval};
+use super::judged_axes::{JudgedAxis, judged_axes, judged_motion};
+use super::model::EquationModel;
 use super::names;
+use super::own_device::OwnDevice;
 use super::own_filter::OwnFilter;
-use super::phase_lock::{LoopOf, phase_lock};
-use super::phases::PhaseCourse;
 use super::range::RangeTally;
-use super::settings::{EquationFilterSettings, EquationSettings, OwnDevice};
-use super::sine::{QuantitySine, SCORED_CYCLES};
-use super::start::{most_rows, start_of};
+use super::sampled_inputs::{SampledInputs, rates_of_inputs, rows_for_rates};
+use super::settings::EquationSettings;
+use super::sine::QuantitySine;
+use super::start::most_rows;
 use super::table::refused;
 use crate::Estimator;
 use crate::config::{ConfigFault, Experiment, Key, Method};
 use crate::crossings::RowsNeeded;
-use crate::estimate::driven::{BLOCK, DrivePast, HYBRID_STEPS, InterpolationLag, SegmentDrive};
+use crate::estimate::driven::{BLOCK, SegmentDrive};
 use crate::estimate::{
-    AngleAxis, AnyFilter, BatchStart, Course, EstimateError, FilterPast, FilterSideOutputs,
-    MeanAndCovariance, MotionRate, NoiseEstimate, Past, RecordedPassing, RowsAround, SampleSelection,
-    SegmentEstimate, SegmentPart, Sensor, SideOutputs, SignalSegment, StartedCourse, Trajectory, Transition,
-    answers_of_bank, begun, follow,
+    AngleAxis, EstimateError, Past, RecordedPassing, RowsAround, SegmentEstimate, SegmentPart, SideOutputs,
+    SignalSegment, Trajectory,
 };
-use crate::progress::{Interruption, Progress, Silent};
-use crate::recording::{Finding, SampledRecording};
-use crate::signal::{SLOPE_REACH, Sine};
-use kalmems_core::Nodes;
-use kalmems_equations::Device;
+use crate::progress::Progress;
+use crate::recording::Finding;
+use crate::signal::SLOPE_REACH;
 use std::f64::consts::TAU;
 
 /// Cycles of the free motion after the settling time in which a signal that does not cross its level as it has to is told.
 const STARTING_CYCLES: f64 = 4.0;
-
-/// The rows before and behind the new ones that the rates of inputs and the polynomial through six of them ask for.
-const fn rows_for_rates(lag: InterpolationLag) -> (usize, usize) {
-    let (before, after) = lag.rows_around();
-    (before + SLOPE_REACH, after + SLOPE_REACH)
-}
-
-/// The rates of those inputs whose rates the equations need, at each sample.
-pub fn rates_of_inputs(device: &Device, inputs: &[SegmentDrive<'_>], interval_s: f64) -> Vec<Vec<f64>> {
-    device
-        .rated_inputs()
-        .iter()
-        .filter_map(|input| inputs.get(*input))
-        .map(|input| input.rates(interval_s))
-        .collect()
-}
-
-/// The inputs over the rows of a part.
-struct SampledInputs<'a, 'b> {
-    segment: &'a SignalSegment<'a>,
-    samples: &'b SampleSelection,
-    past: &'b mut Past,
-    /// Whether it is asked how they go on.
-    foresees: bool,
-    progress: &'b dyn Progress,
-}
-
-impl<'a> SampledInputs<'a, '_> {
-    /// One with these samples, of the column that a message names.
-    fn of(
-        &mut self,
-        (index, column): (usize, &str),
-        foresees: bool,
-        drive: impl FnOnce(&mut DrivePast, &Interruption) -> SegmentDrive<'a>,
-    ) -> Result<SegmentDrive<'a>, EstimateError> {
-        let kept = self.past.input(index);
-        kept.foresees |= foresees || self.foresees;
-        let stop = Interruption::by(self.progress);
-        let drive = drive(kept, &stop);
-        if stop.is_requested() {
-            return Err(EstimateError::Interrupted);
-        }
-        let Some((first_s, count)) = drive.unknown() else { return Ok(drive) };
-        let (place, column) = (self.segment.place.clone(), column.to_owned());
-        Err(EstimateError::DriveUnknown { place, column, count, first_s })
-    }
-
-    /// Those that the recording has.
-    fn stated(
-        &mut self,
-        own: &OwnDevice,
-        columns: &EquationColumns,
-    ) -> Result<Vec<SegmentDrive<'a>>, EstimateError> {
-        let mut all = Vec::new();
-        for (index, (column, named)) in columns.inputs.iter().zip(own.device.inputs()).enumerate() {
-            let values = self.segment.recording.column_of(column, names::kind_of(named))?;
-            let foresees = own.between[index].needs_sine() || own.device.rated_inputs().contains(&index);
-            let (SignalSegment { time_s, segment, .. }, samples) = (self.segment, self.samples);
-            let of = (values, *segment);
-            all.push(self.of((index, column), foresees, |kept, stop| {
-                SegmentDrive::of_column(of, time_s, samples, kept, stop)
-            })?);
-        }
-        Ok(all)
-    }
-
-    /// Those of states that filters are given, by their places, behind so many inputs.
-    fn known(
-        &mut self,
-        (own, first): (&OwnDevice, usize),
-        columns: &EquationColumns,
-    ) -> Result<Vec<(usize, SegmentDrive<'a>)>, EstimateError> {
-        let mut all = Vec::new();
-        for (index, (state, column)) in columns.known.iter().enumerate() {
-            let values =
-                self.segment.recording.column_of(column, names::kind_of(&own.device.states()[*state]))?;
-            let (SignalSegment { time_s, segment, .. }, samples) = (self.segment, self.samples);
-            let drive = self.of((first + index, column), false, |kept, stop| {
-                SegmentDrive::of_column((values, *segment), time_s, samples, kept, stop)
-            })?;
-            all.push((*state, drive));
-        }
-        Ok(all)
-    }
-
-    /// The rates of some behind them.
-    fn add_rates(
-        &mut self,
-        inputs: &mut Vec<SegmentDrive<'a>>,
-        (device, rates): (&Device, &'a [Vec<f64>]),
-        columns: &EquationColumns,
-    ) -> Result<(), EstimateError> {
-        for (rates, of) in rates.iter().zip(device.rated_inputs()) {
-            let column = format!("the rate of {}", columns.inputs[*of]);
-            let (time_s, samples) = (&self.segment.time_s, self.samples);
-            inputs.push(self.of((inputs.len(), &column), false, |kept, stop| {
-                SegmentDrive::of(time_s, rates, samples, kept, stop)
-            })?);
-        }
-        Ok(())
-    }
-}
-
-/// The time in s of the first peak of each angle's drive after the settling time, in a recording's first segment.
-pub fn first_drive_peaks(
-    settings: &EquationSettings,
-    columns: &EquationColumns,
-    recording: &SampledRecording,
-) -> Result<Vec<f64>, EstimateError> {
-    let (own, device) = (&settings.own, &settings.own.device);
-    let Some((first, (measure, column))) = recording.segments().first().zip(columns.measured.first()) else {
-        return Ok(Vec::new());
-    };
-    let (part, mut past) = (SegmentPart::whole(recording, first), Past::default());
-    let kind = names::kind_of(&device.measures()[*measure]);
-    let segment = SignalSegment::of(&part, (column, kind), settings.skip_s, &mut past)?;
-    let samples = segment.samples();
-    let mut sampled = SampledInputs {
-        segment: &segment,
-        samples: &samples,
-        past: &mut past,
-        foresees: false,
-        progress: &Silent,
-    };
-    let inputs = sampled.stated(own, columns)?;
-    let start_s = segment.start_s + settings.skip_s;
-    if own.axes.is_empty() {
-        return Ok(vec![peak_after(&inputs, start_s)]);
-    }
-    let rows = InputRows { inputs: &inputs, interval_s: segment.interval_s };
-    let sines = AxisSines::first(own, rows, start_s);
-    Ok(sines.map_or_else(Vec::new, |sines| sines.sines.map(|sine| sine.peak_after(start_s)).into()))
-}
 
 /// Estimates recordings, part by part.
 pub struct EquationEstimator<'a> {
@@ -481,77 +347,6 @@ fn channels<'a>(
     columns.measured.iter().map(one).collect()
 }
 
-/// How fast the device moves that a steady drive moves, or none; as fast as a hundred samples where it does not oscillate. Under a drive the table
-/// may say that a cycle of it takes several of the drive.
-pub fn motion(own: &OwnDevice, drive: Option<&Sine>, interval_s: f64) -> MotionRate {
-    let free_hz = || own.natural_hz().unwrap_or_else(|| interval_s.recip() / 100.0);
-    MotionRate {
-        frequency_hz: drive.map_or_else(free_hz, |sine| sine.frequency_hz / own.drive_cycles),
-        is_driven: drive.is_some(),
-    }
-}
-
-/// How fast it moves as the first rows of its inputs show it, and the name of what its motion is judged by.
-fn judged_motion(
-    (settings, columns, sines): (&EquationSettings, &EquationColumns, Option<&AxisSines>),
-    (segment, channels, inputs): (&SignalSegment, &[SegmentChannel], &[SegmentDrive<'_>]),
-    past: &mut Past,
-) -> Result<(MotionRate, &'static str), EstimateError> {
-    let own = &settings.own;
-    if let Some(sine) = &settings.sine {
-        return Ok((sine.motion(settings, columns, (segment, channels), past)?, sine.name(own)));
-    }
-    if let Some(natural_hz) = own.natural_hz().filter(|_| own.has_angle()) {
-        segment.require_after_settling(SCORED_CYCLES / natural_hz)?;
-    }
-    let drive = inputs.iter().find_map(|input| input.first_sine().copied()).filter(|_| own.axes.is_empty());
-    let driven = sines.map(|sines| sines.slowest(own));
-    let motion = driven.unwrap_or_else(|| motion(own, drive.as_ref(), segment.interval_s));
-    Ok((motion, own.states()[own.judged()].0))
-}
-
-/// What a motion is judged by, and the time in s behind which a turning point tells its sign.
-struct JudgedAxis {
-    of: AngleAxis,
-    peak_s: f64,
-}
-
-/// The axes of the motion. A filter knows the first rows of a drive; its motion is judged by what the drive is throughout.
-fn judged_axes(
-    settings: &EquationSettings,
-    (judged, first): (&'static str, MotionRate),
-    (data, start_s): (&EquationSegment<'_>, f64),
-) -> Vec<JudgedAxis> {
-    let own = &settings.own;
-    if own.axes.is_empty() {
-        let drive = data.inputs.iter().find_map(|input| input.sine().copied());
-        let motion = match &settings.sine {
-            None => motion(own, drive.as_ref(), data.samples.interval_s),
-            Some(_) => first,
-        };
-        let of = AngleAxis { angle: judged, motion, drive };
-        return vec![JudgedAxis { of, peak_s: peak_after(&data.inputs, start_s) }];
-    }
-    let names = own.states();
-    let rows = InputRows { inputs: &data.inputs, interval_s: data.samples.interval_s };
-    let sines = data.sines.map(|first| (first, first.throughout(own, rows)));
-    let axis = |(place, axis): (usize, &DrivenAxis)| {
-        let of = sines.as_ref().and_then(|(first, all)| {
-            Some((first.sines.get(place)?, all.sines.get(place)?, all.motions(own).get(place).copied()?))
-        });
-        let free = MotionRate { frequency_hz: axis.natural_hz, is_driven: false };
-        JudgedAxis {
-            of: AngleAxis {
-                angle: names.get(axis.states[0]).map_or("", |(name, ..)| name),
-                motion: of.map_or(free, |(.., motion)| motion),
-                drive: of.map(|(_, all, _)| *all),
-            },
-            peak_s: of.map_or(start_s, |(first, ..)| first.peak_after(start_s)),
-        }
-    };
-    own.axes.iter().enumerate().map(axis).collect()
-}
-
 /// Of each filter that stopped at one of these samples, the table that it left, where it left one.
 fn left_tables(own: &OwnDevice, data: &EquationSegment, all: &[Trajectory]) -> Vec<String> {
     let of = |trajectory: &Trajectory| {
@@ -626,233 +421,4 @@ impl Answers<'_> {
         }
         Ok(all)
     }
-}
-
-/// One filter over the new samples.
-pub struct EquationFilterTask<'a> {
-    /// The device.
-    pub own: &'a OwnDevice,
-    /// The sine that its motion is, where it is one.
-    pub sine: Option<&'a QuantitySine>,
-    /// How long it has to settle, in s.
-    pub skip_s: f64,
-    /// What the file says of the filter.
-    pub filter: &'a EquationFilterSettings,
-    /// Its models: one, but for a bank.
-    pub models: &'a [EquationModel],
-    /// What it gives besides its states.
-    pub side_outputs: FilterSideOutputs,
-    /// What makes it, if it is one of the caller's own.
-    pub own_filter: Option<&'a OwnFilter>,
-    /// The samples.
-    pub data: &'a EquationSegment<'a>,
-    /// Who follows the work.
-    pub progress: &'a dyn Progress,
-}
-
-impl<'a> EquationFilterTask<'a> {
-    /// A filter by itself, in silence.
-    pub fn of(
-        settings: &'a EquationSettings,
-        filter: &'a EquationFilterSettings,
-        models: &'a [EquationModel],
-        data: &'a EquationSegment<'a>,
-    ) -> Self {
-        Self {
-            own: &filter.own,
-            sine: settings.sine.as_ref(),
-            skip_s: settings.skip_s,
-            filter,
-            models,
-            side_outputs: FilterSideOutputs::default(),
-            own_filter: None,
-            data,
-            progress: &Silent,
-        }
-    }
-}
-
-impl EquationFilterTask<'_> {
-    /// Its trajectory, and the smoothed ones that are wanted.
-    pub fn follow(&self, past: &mut FilterPast) -> Result<Vec<Trajectory>, EstimateError> {
-        let basics = &self.filter.basics;
-        let states = basics.states(self.own.states());
-        if let Some(inverse) = &self.filter.inverse {
-            return Ok(self.inversion(inverse, self.own.states()).into_iter().collect());
-        }
-        if let Some(sine) = self.sine.filter(|_| basics.method == Method::LockIn) {
-            return Ok(vec![self.lock_in_of_sine(sine, past)?]);
-        }
-        if basics.method == Method::LockIn {
-            return Ok(vec![self.lock_in(past, self.own.states())?]);
-        }
-        if basics.method == Method::EulerEkf {
-            self.require_slow()?;
-        }
-        let channels = self.channels();
-        let steps = if basics.method == Method::HybridEkf { HYBRID_STEPS } else { 1 };
-        // A filter that goes on from another run has been started there.
-        let starts: Vec<Option<BatchStart>> = if past.left().is_none() {
-            let of_model = |model| self.start(model, &channels, steps);
-            let starts = self.models.iter().map(of_model).collect::<Result<Vec<_>, _>>()?;
-            if let Some(Some(start)) = starts.first() {
-                past.began_by(start, self.data.time_s);
-            }
-            starts
-        } else {
-            vec![past.start_among(self.data.time_s)]
-        };
-        let by_swing = if past.left().is_none() { self.start_by_swing()? } else { None };
-        let known = |index: usize| {
-            let from_signal = start_of(&starts, index).map(|start| start.first.clone());
-            from_signal.or_else(|| by_swing.clone()).or_else(|| self.filter.stated()).unwrap_or_default()
-        };
-        let used = (&*channels, &*self.filter.events);
-        let course_of = |(index, model), phases, noise| {
-            let course = EquationCourse::new(model, (self.data, &self.own.between), used, steps)
-                .answering(&self.own.device)
-                .telling_phases(self.side_outputs.phase_rate(), phases)
-                .taking_samples_for(self.filter.signal_variance)
-                .estimating_noise(noise)
-                .taking_signal(self.filter.variant);
-            // The model alone is corrected by nothing, wherever it starts.
-            let corrects = basics.method != Method::Model;
-            let started = StartedCourse::new(course, start_of(&starts, index).filter(|_| corrects));
-            started.starting_again(self.start_again(model, &channels, steps))
-        };
-        if basics.method == Method::Bank {
-            let courses = self.models.iter().enumerate();
-            let courses =
-                courses.map(|model| -> Box<dyn Course + '_> { Box::new(course_of(model, None, None)) });
-            let way = (courses.collect(), &self.data.samples);
-            return answers_of_bank((basics, past), |index| Ok(known(index)), way, &states, self.progress);
-        }
-        let Some(model) = self.models.first() else { return Ok(Vec::new()) };
-        let turns = self.own.swings() > 0 && basics.parameters().is_empty();
-        if (self.sine.is_some() || turns) && basics.gain().is_some() && past.numbers.is_empty() {
-            past.numbers = known(0).mean;
-            if turns {
-                past.numbers = self.operating(&past.numbers);
-            }
-        }
-        let operating = past.numbers.clone();
-        let predictor = self.side_outputs.predictor(basics, self.data.samples.interval_s, past)?;
-        let (from_s, interval_s) = (self.side_outputs.from_s, self.data.samples.interval_s);
-        let phases = predictor.map(|predictor| PhaseCourse::new(predictor, from_s, interval_s));
-        let noise = self.noise(past);
-        let mut course = course_of((0, model), phases, noise);
-        let way = (&mut course as _, &self.data.samples);
-        // A start from the signal has the states of the readout, as what another run left has.
-        let begin =
-            |left| self.begin((begun(left, start_of(&starts, 0)), known(0), operating), model, &channels);
-        let mut all = follow((basics, &mut *past), begin, way, &states, self.progress)?;
-        let (phases, noise) = course.into_inner().into_kept();
-        (past.predictor, past.noise) = (phases.map(PhaseCourse::into_predictor), noise);
-        if basics.method == Method::Model {
-            all.iter_mut().for_each(Trajectory::mark_model_alone);
-        }
-        if let Some(sine) = self.sine {
-            sine.turn_back(self.own, &mut all);
-        }
-        // Of a number that is not estimated no deviation is claimed: zeros would look like a claim.
-        let named = self.own.device.quantities();
-        let stated: Vec<&str> =
-            model.stated_quantities().filter_map(|k| Some(&*named.get(k)?.name)).collect();
-        let series = all.iter_mut().flat_map(|trajectory| &mut trajectory.states);
-        series.filter(|state| stated.contains(&state.name)).for_each(|state| state.sd.clear());
-        Ok(all)
-    }
-
-    /// Refuses a device some of whose motion decays faster than Euler's method follows it, |1 + λ·h| < 1.
-    fn require_slow(&self) -> Result<(), EstimateError> {
-        let decays = self.own.modes.iter().filter(|mode| !mode.oscillates() && mode.growth < 0.0);
-        let rate_hz = decays.map(|mode| -0.5 * mode.growth).fold(0.0, f64::max);
-        let interval_s = self.data.samples.interval_s;
-        if interval_s * rate_hz < 1.0 {
-            return Ok(());
-        }
-        let filter = self.filter.basics.name.clone();
-        Err(EstimateError::EulerUnstable { filter, interval_s, rate_hz })
-    }
-
-    /// The variance of a sample as it was estimated until here, where the filter estimates it.
-    fn noise(&self, past: &mut FilterPast) -> Option<NoiseEstimate> {
-        let memory_s = self.filter.noise_memory_s?;
-        let channel = self.channels().first().and_then(|place| self.data.channels.get(*place))?;
-        let begun = || NoiseEstimate::new(channel.variance, memory_s / self.data.samples.interval_s);
-        let mut noise = past.noise.take().unwrap_or_else(begun);
-        noise.going_on();
-        Some(noise)
-    }
-
-    /// The channels that correct it.
-    pub fn channels(&self) -> Vec<usize> {
-        let wanted = &self.filter.measures;
-        let all = 0..self.data.channels.len();
-        if wanted.is_empty() {
-            return all.collect();
-        }
-        let place = |measure: &usize| self.data.channels.iter().position(|c| c.measure == *measure);
-        wanted.iter().filter_map(place).collect()
-    }
-
-    fn begin(
-        &self,
-        (left, start, operating): (Option<MeanAndCovariance>, MeanAndCovariance, Vec<f64>),
-        model: &EquationModel,
-        channels: &[usize],
-    ) -> Result<AnyFilter, EstimateError> {
-        let basics = &self.filter.basics;
-        if let Some(make) = self.own_filter.and_then(OwnFilter::take) {
-            return Ok(make(left.unwrap_or(start)));
-        }
-        let Some(gain) = basics.gain() else { return basics.begin(left, || Ok(start)) };
-        let interval_s = self.data.samples.interval_s;
-        let Some(channel) = channels.first().and_then(|place| self.data.channels.get(*place)) else {
-            return Err(basics.no_gain(&"it has no channel"));
-        };
-        let known = left.unwrap_or(start);
-        if let Some(sine) = self.sine {
-            let of = LoopOf {
-                roles: sine.roles(),
-                at: operating,
-                measure: channel.measure,
-                interval_s,
-                variance: channel.variance,
-            };
-            return phase_lock((self.own, model), gain, &known, &of).map_err(|why| basics.no_gain(&why));
-        }
-        if self.own.swings() > 0 && basics.parameters().is_empty() {
-            return self.turning((gain, &known, &operating), model, channel);
-        }
-        let made = |rest: &MeanAndCovariance, step: &dyn Transition, sensor: &dyn Sensor| {
-            let point = (step, sensor, channel.variance);
-            AnyFilter::of_constant_gain((gain, interval_s), (rest, &known), point)
-        };
-        at_rest(self.own, model, (channel.measure, interval_s), made).map_err(|why| basics.no_gain(&why))
-    }
-}
-
-/// What is made of a model at rest under no input: of where that is, of the step over an interval in s, and of a measurement.
-pub fn at_rest<R>(
-    own: &OwnDevice,
-    model: &EquationModel,
-    (measure, interval_s): (usize, f64),
-    made: impl FnOnce(&MeanAndCovariance, &dyn Transition, &dyn Sensor) -> R,
-) -> R {
-    let rest = MeanAndCovariance::apart(own.rest.iter().map(|at| (*at, 0.0)));
-    under_no_input(own, (model, &rest.mean), (measure, interval_s), |step, sensor| made(&rest, step, sensor))
-}
-
-/// What is made of a model at a state under no input: of the step over an interval in s, and of a measurement.
-pub fn under_no_input<R>(
-    own: &OwnDevice,
-    (model, mean): (&EquationModel, &[f64]),
-    (measure, interval_s): (usize, f64),
-    made: impl FnOnce(&dyn Transition, &dyn Sensor) -> R,
-) -> R {
-    let interval = Interval::of(interval_s);
-    let inputs = vec![0.0; own.device.inputs().len()];
-    let step = model.under(&interval, Nodes::held(&inputs), mean);
-    made(&step, &model.sensor(measure, &inputs))
 }

@@ -1,6 +1,6 @@
 //! The events of a motion that is simulated: when they are, and when they are said to have been.
 
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use crate::signal::hermite;
 use crate::simulate::WhiteNoise;
 use kalmems_equations::{

@@ -5,7 +5,8 @@ use super::feedthrough_course::SimulatedFeedthrough;
 use super::instrument::{InstrumentHistory, ShownQuantity, columns, instruments};
 use super::model::steps_over;
 use super::names;
-use super::settings::{OwnDevice, some};
+use super::names::some;
+use super::own_device::OwnDevice;
 use super::simulated_event::{SimulatedEvent, recorded_events};
 use super::table::{EquationsTable, refused};
 use crate::config::{

@@ -1,9 +1,9 @@
 //! How filters of a sine start from the signal, and its lock-in.
 
 use super::course::EquationCourse;
+use super::filter_task::EquationFilterTask;
 use super::model::EquationModel;
 use super::names;
-use super::segment::EquationFilterTask;
 use super::sine::{FoundSine, QuantitySine};
 use crate::estimate::{
     BatchStart, EstimateError, FilterPast, LockInWindows, NoBatchStart, SampleSelection, StartAgain,

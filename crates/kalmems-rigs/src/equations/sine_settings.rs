@@ -1,7 +1,7 @@
 //! What an experiment says of a sine beside its filters: how long a cycle takes, and which noises they know.
 
 use super::names;
-use super::settings::stated_starts;
+use super::own_device::stated_starts;
 use super::table::EquationsTable;
 use crate::StateDensity;
 use crate::config::{CYCLES as GAP_CYCLES, Experiment};

@@ -1,9 +1,9 @@
 //! Where a filter starts that takes its start from the signal.
 
 use super::course::EquationCourse;
+use super::filter_task::EquationFilterTask;
 use super::model::EquationModel;
-use super::segment::EquationFilterTask;
-use super::settings::{OwnDevice, modes_of};
+use super::own_device::{OwnDevice, modes_of};
 use crate::estimate::{
     BatchStart, EstimateError, HiddenSwing, MeanAndCovariance, SignalStart, StartAgain, StartSearch,
     StatePrior, rows_for_start, rows_to_start_again, start_again_from_signal, start_from_signal,

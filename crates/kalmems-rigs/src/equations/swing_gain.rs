@@ -2,8 +2,8 @@
 
 use super::axes::window_s;
 use super::course::SegmentChannel;
+use super::filter_task::EquationFilterTask;
 use super::model::EquationModel;
-use super::segment::EquationFilterTask;
 use crate::estimate::driven::{SegmentDrive, TurningGain};
 use crate::estimate::{AnyFilter, EstimateError, GainOf, MeanAndCovariance, StateFilter, Swing};
 use kalmems_core::{Mat, Portable};

@@ -1,7 +1,7 @@
 //! A start at the oscillation that the first cycles of a signal show, which may be off by what the file says.
 
-use super::segment::EquationFilterTask;
-use super::settings::following;
+use super::filter_settings::following;
+use super::filter_task::EquationFilterTask;
 use crate::estimate::{EstimateError, MeanAndCovariance};
 
 /// Cycles that are looked at.

@@ -1,7 +1,7 @@
 //! The keys of a threshold, `crossings` of an estimate and `threshold` of its filters, as an event of equations.
 
 use super::events::{EventTimeSource, FilterEventUse};
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use crate::config::{
     ConfigError, ConfigFault, CrossingApplication, CrossingUse, Estimate, Experiment, FilterTable, Key,
     Method, Quantity, Variant,

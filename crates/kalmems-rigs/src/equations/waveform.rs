@@ -1,7 +1,7 @@
 //! The signal around a crossing as the equations of a device give it.
 
 use super::model::steps_over;
-use super::settings::OwnDevice;
+use super::own_device::OwnDevice;
 use crate::crossings::CrossingWaveform;
 use kalmems_core::{Nodes, Portable};
 use kalmems_equations::{MOST_STATES, Motion, ReadoutProgram};
