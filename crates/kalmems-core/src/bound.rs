@@ -2,7 +2,7 @@
 
 use crate::linalg::{Ldl, epsilon};
 use crate::notation::{lower, matrix, sum, vector};
-use crate::{Cholesky, Covariance, FilterError, Mask, Mat, Scalar};
+use crate::{Cholesky, Covariance, FilterError, Mat, Scalar};
 
 /// The bound on the covariance of the state, from sample to sample.
 ///
@@ -48,7 +48,7 @@ pub struct CramerRao<T, const N: usize> {
     covariance: Covariance<T, N>,
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize> CramerRao<T, N> {
+impl<T: Scalar, const N: usize> CramerRao<T, N> {
     /// Starts from the covariance of the true state before anything is measured.
     pub const fn new(prior: Covariance<T, N>) -> Self {
         Self { covariance: prior }
@@ -100,7 +100,7 @@ impl<T: Scalar<Mask = bool>, const N: usize> CramerRao<T, N> {
         let ldl = Ldl::of(&gained.plus(&Covariance::from_variances([T::of(1.0); N])));
         let rows: [[T; N]; N] = l.0.map(|row| ldl.decorrelate(&row));
         let next = lower!(|i, j| sum!(N, |k| rows[i][k] * rows[j][k] / ldl.diagonal[k]));
-        if ldl.positive.and(next.is_finite()) { Ok(next) } else { Err(FilterError::CovarianceNotPositive) }
+        if ldl.positive & next.is_finite() { Ok(next) } else { Err(FilterError::CovarianceNotPositive) }
     }
 }
 
@@ -118,7 +118,7 @@ pub struct MeanTransition<T: Scalar, const N: usize> {
     spread: Covariance<T, N>,
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize> MeanTransition<T, N> {
+impl<T: Scalar, const N: usize> MeanTransition<T, N> {
     /// No trajectory yet. Refused where Q is not positive definite, but for rounding.
     pub fn new(q: &Covariance<T, N>) -> Result<Self, FilterError> {
         let ldl = Ldl::of(q);
@@ -154,7 +154,7 @@ pub struct MeanInformation<T, const N: usize> {
     mean: Covariance<T, N>,
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize> MeanInformation<T, N> {
+impl<T: Scalar, const N: usize> MeanInformation<T, N> {
     /// No trajectory yet.
     pub fn none() -> Self {
         Self { count: T::of(0.0), mean: Covariance::zero() }

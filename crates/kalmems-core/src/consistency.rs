@@ -2,7 +2,7 @@
 
 use crate::linalg::Ldl;
 use crate::notation::{sum, vector};
-use crate::{Covariance, Innovation, Mask, Scalar};
+use crate::{Covariance, Innovation, Scalar};
 
 /// The normalised estimation error squared eᵀ·P⁻¹·e: χ² with N degrees of freedom if the filter is right, N
 /// on average.
@@ -31,7 +31,7 @@ pub fn nees<T: Scalar, const N: usize>(error: &[T; N], covariance: &Covariance<T
 /// The mean of z is known to be zero and is not estimated: an offset counts as correlation, and shows in
 /// [`mean`](Self::mean).
 ///
-/// An innovation that a policy declined is counted like any other: it was predicted all the same. A lane that
+/// An innovation that a policy declined is counted like any other: it was predicted all the same. One that
 /// was refused counts as [missing](Self::miss).
 ///
 /// The quantiles of χ² that make a verdict of these numbers are not here: they need no place on a
@@ -90,7 +90,7 @@ impl<T: Scalar, const M: usize, const LAGS: usize> Consistency<T, M, LAGS> {
     pub fn add(&mut self, innovation: &Innovation<T, M>) {
         let (zero, one) = (T::of(0.0), T::of(1.0));
         let ldl = Ldl::of(&innovation.covariance);
-        let seen = ldl.positive.and(innovation.nis.is_finite());
+        let seen = ldl.positive & innovation.nis.is_finite();
         let residual = ldl.decorrelate(&innovation.residual);
         let z: [T; M] = vector!(|i| T::select(seen, residual[i] / ldl.diagonal[i].sqrt(), zero));
         let present = T::select(seen, one, zero);

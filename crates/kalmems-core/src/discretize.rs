@@ -34,7 +34,7 @@ const TERMS: usize = 12;
 /// let variance: f64 = step.noise.get(0, 0);
 /// assert!((variance - 3.0 * 8.0 / 3.0).abs() < 1e-14);
 /// ```
-pub fn discretize<T: Scalar<Mask = bool>, const N: usize>(
+pub fn discretize<T: Scalar, const N: usize>(
     a: &Mat<T, N, N>,
     density: &NoiseDensity<T, N>,
     interval: T,
@@ -90,10 +90,7 @@ impl<T: Scalar, const N: usize> PhiFunctions<T, N> {
 }
 
 /// The φ-functions of A·`interval`, balanced and doubled as in [`discretize`].
-pub fn phi_functions<T: Scalar<Mask = bool>, const N: usize>(
-    a: &Mat<T, N, N>,
-    interval: T,
-) -> PhiFunctions<T, N> {
+pub fn phi_functions<T: Scalar, const N: usize>(a: &Mat<T, N, N>, interval: T) -> PhiFunctions<T, N> {
     let scale = balance(a);
     let a = matrix!(|i, j| a.0[i][j] * scale[j] / scale[i]);
     let (h, doublings) = short_interval(&a, interval);
@@ -122,12 +119,12 @@ pub fn phi_functions<T: Scalar<Mask = bool>, const N: usize>(
 }
 
 /// e^A, by the same series and doublings as [`discretize`].
-pub fn matrix_exponential<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>) -> Mat<T, N, N> {
+pub fn matrix_exponential<T: Scalar, const N: usize>(a: &Mat<T, N, N>) -> Mat<T, N, N> {
     discretize(a, &NoiseDensity::none(), T::of(1.0)).transition
 }
 
 /// Scales d so that the entries `a_ij·d_j/d_i` have rows and columns of about the same size (Osborne 1960).
-pub(crate) fn balance<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>) -> [T; N] {
+pub(crate) fn balance<T: Scalar, const N: usize>(a: &Mat<T, N, N>) -> [T; N] {
     let mut d = [T::of(1.0); N];
     // A bounded number of sweeps: a chain of integrators would go on for ever, and needs no balance.
     for _ in 0..16 {
@@ -145,7 +142,7 @@ pub(crate) fn balance<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>) 
 }
 
 /// Halves the interval until the largest row sum of |A|·h is at most 1/8.
-fn short_interval<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>, interval: T) -> (T, u32) {
+fn short_interval<T: Scalar, const N: usize>(a: &Mat<T, N, N>, interval: T) -> (T, u32) {
     let mut norm = T::of(0.0);
     for row in &a.0 {
         let size = sum!(N, |j| row[j].abs());
@@ -161,7 +158,7 @@ fn short_interval<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>, inte
 }
 
 /// e^{A·h} and its integral, by their Taylor series in Horner's form.
-fn series<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>, h: T) -> (Mat<T, N, N>, Mat<T, N, N>) {
+fn series<T: Scalar, const N: usize>(a: &Mat<T, N, N>, h: T) -> (Mat<T, N, N>, Mat<T, N, N>) {
     let ah = a.scaled(h);
     // ∫ = h·(1 + Ah/2·(1 + Ah/3·(1 + …)))
     let mut inner = Mat::identity();
@@ -175,7 +172,7 @@ fn series<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>, h: T) -> (Ma
 }
 
 /// ∫₀ʰ e^{A·s} D e^{Aᵀ·s} ds = Σ h^{k+1}/(k+1)! · L^k(D), with L(X) = A·X + X·Aᵀ.
-fn noise_series<T: Scalar<Mask = bool>, const N: usize>(
+fn noise_series<T: Scalar, const N: usize>(
     a: &Mat<T, N, N>,
     density: &Covariance<T, N>,
     h: T,

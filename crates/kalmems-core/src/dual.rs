@@ -1,7 +1,7 @@
 //! Numbers that carry their derivatives.
 
 use crate::notation::vector;
-use crate::{Mask, Over, Scalar};
+use crate::{Over, Scalar};
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A value and its gradient with respect to `N` variables: forward-mode differentiation.
@@ -140,7 +140,7 @@ impl<T: Scalar, const N: usize> Mul<T> for Dual<T, N> {
 #[inline(always)]
 fn scaled<T: Scalar>(a: T, slope: T) -> T {
     let zero = T::of(0.0);
-    T::select(a.lt(zero).or(zero.lt(a)), a * slope, a)
+    T::select(a.lt(zero) | zero.lt(a), a * slope, a)
 }
 
 impl<T: Scalar, const N: usize> Over<T> for Dual<T, N> {
@@ -167,22 +167,20 @@ impl<T: Scalar, const N: usize> Over<T> for Dual<T, N> {
 }
 
 impl<T: Scalar, const N: usize> Scalar for Dual<T, N> {
-    type Mask = T::Mask;
-
     #[inline(always)]
     fn of(value: f64) -> Self {
         Self::constant(T::of(value))
     }
     #[inline(always)]
-    fn lt(self, other: Self) -> T::Mask {
+    fn lt(self, other: Self) -> bool {
         self.value.lt(other.value)
     }
     #[inline(always)]
-    fn is_finite(self) -> T::Mask {
+    fn is_finite(self) -> bool {
         self.value.is_finite()
     }
     #[inline(always)]
-    fn select(mask: T::Mask, yes: Self, no: Self) -> Self {
+    fn select(mask: bool, yes: Self, no: Self) -> Self {
         Self {
             value: T::select(mask, yes.value, no.value),
             gradient: vector!(|i| T::select(mask, yes.gradient[i], no.gradient[i])),

@@ -50,7 +50,6 @@ pub mod discretize;
 mod dual;
 mod error;
 pub mod filter;
-pub mod lanes;
 mod linalg;
 mod math;
 mod measurement;
@@ -85,5 +84,5 @@ pub use process::{
     ContinuousDiscrete, ContinuousLinear, Dynamics, EtdWeights, Etdrk4, Euler, HeldEtdrk4, IntervalError,
     LinearProcess, Nodes, NumericProcess, Process, ProcessNoise, Propagation, Rk4, derivatives, jacobian,
 };
-pub use scalar::{Mask, Over, Scalar};
+pub use scalar::{Over, Scalar};
 pub use scaled::{NotAScale, Scaled, ScaledProcess, Scales};

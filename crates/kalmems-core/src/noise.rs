@@ -120,12 +120,6 @@ impl<T: Scalar, const N: usize> Covariance<T, N> {
         }
     }
 
-    /// `yes` where the mask is set, `no` elsewhere.
-    #[inline(always)]
-    pub(crate) fn select(mask: T::Mask, yes: &Self, no: &Self) -> Self {
-        lower!(|i, j| T::select(mask, yes.get(i, j), no.get(i, j)))
-    }
-
     /// The entries, to see whether they are finite.
     #[inline(always)]
     pub(crate) fn zeros(&self) -> Zeros<T> {
@@ -142,7 +136,7 @@ impl<T: Scalar, const N: usize> Covariance<T, N> {
 
     /// Whether every entry is finite.
     #[inline(always)]
-    pub(crate) fn is_finite(&self) -> T::Mask {
+    pub(crate) fn is_finite(&self) -> bool {
         self.zeros().finite()
     }
 }

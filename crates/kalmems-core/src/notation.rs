@@ -2,10 +2,9 @@
 //! `matrix!(|i, j| …)` and `lower!(|i, j| …)` for the lower triangle of a covariance.
 //!
 //! They look like functions that take closures, and are loops. A closure cannot be marked for inlining, and one that is
-//! not inlined into the function of its instruction set costs lanes a call for each operation: a hundred times the
-//! operation. In all that filters do per sample write these, and no closure that computes.
+//! not inlined costs a call for each operation. In all that filters do per sample write these, and no closure that computes.
 
-use crate::{Mask, Mat, Scalar};
+use crate::{Mat, Scalar};
 
 /// What an array holds before it is filled.
 pub(crate) trait Blank: Copy {
@@ -74,18 +73,18 @@ impl<T: Scalar> Zeros<T> {
 
     /// Where all of them were finite.
     #[inline(always)]
-    pub fn finite(self) -> T::Mask {
+    pub fn finite(self) -> bool {
         self.finite_and_positive(&[T::of(1.0)])
     }
 
     /// Where all of them were finite and these are positive.
     #[inline(always)]
-    pub fn finite_and_positive<const N: usize>(self, others: &[T; N]) -> T::Mask {
+    pub fn finite_and_positive<const N: usize>(self, others: &[T; N]) -> bool {
         // Zero, or not a number and below nothing.
         let zero = self.0.unwrap_or(T::of(0.0));
         let mut below = T::of(0.0).is_finite();
         for other in others {
-            below = below.and(zero.lt(*other));
+            below &= zero.lt(*other);
         }
         below
     }
@@ -93,7 +92,7 @@ impl<T: Scalar> Zeros<T> {
 
 /// Where every element is finite.
 #[inline(always)]
-pub(crate) fn finite<T: Scalar, const N: usize>(array: &[T; N]) -> T::Mask {
+pub(crate) fn finite<T: Scalar, const N: usize>(array: &[T; N]) -> bool {
     Zeros::none().with_all(array).finite()
 }
 

@@ -95,7 +95,7 @@ impl<T: Scalar, const N: usize> Observability<T, N> {
     }
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize> Observability<T, N> {
+impl<T: Scalar, const N: usize> Observability<T, N> {
     /// How many directions are seen: singular values above `tolerance` times the largest.
     ///
     /// Below N·ε, about 1e-15 in `f64`, is rounding alone. Models that come from an integrator or a sum of
@@ -125,7 +125,7 @@ pub struct StateDirection<T, const N: usize> {
     pub components: [T; N],
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize> StateDirection<T, N> {
+impl<T: Scalar, const N: usize> StateDirection<T, N> {
     /// The state with the largest share: what to name the direction by.
     pub fn leading_state(&self) -> usize {
         let mut leading = (0, T::of(0.0));

@@ -70,7 +70,7 @@ const DOUBLINGS: usize = 64;
 /// assert!((p.get(0, 0) - 2.0).abs() < 1e-15);
 /// # Ok::<(), kalmems_core::riccati::RiccatiError>(())
 /// ```
-pub fn discrete_riccati<T: Scalar<Mask = bool>, const N: usize, const M: usize>(
+pub fn discrete_riccati<T: Scalar, const N: usize, const M: usize>(
     f: &Mat<T, N, N>,
     h: &Mat<T, M, N>,
     q: &Covariance<T, N>,
@@ -105,7 +105,7 @@ pub fn discrete_riccati<T: Scalar<Mask = bool>, const N: usize, const M: usize>(
 /// assert!((p.get(0, 0) - 6.0).abs() < 1e-14);
 /// # Ok::<(), kalmems_core::riccati::RiccatiError>(())
 /// ```
-pub fn continuous_riccati<T: Scalar<Mask = bool>, const N: usize, const M: usize>(
+pub fn continuous_riccati<T: Scalar, const N: usize, const M: usize>(
     a: &Mat<T, N, N>,
     h: &Mat<T, M, N>,
     q: &NoiseDensity<T, N>,
@@ -158,7 +158,7 @@ pub fn kalman_bucy_gain<T: Scalar, const N: usize, const M: usize>(
 ///
 /// By doubling (Smith, SIAM J. Appl. Math. 16, 198, 1968): a sum of terms that are positive semi-definite. It is
 /// refused as [`Unstable`](RiccatiError::Unstable) where a power of A does not go to zero.
-pub fn discrete_lyapunov<T: Scalar<Mask = bool>, const N: usize>(
+pub fn discrete_lyapunov<T: Scalar, const N: usize>(
     a: &Mat<T, N, N>,
     c: &Covariance<T, N>,
 ) -> Result<Covariance<T, N>, RiccatiError> {
@@ -193,7 +193,7 @@ pub fn discrete_lyapunov<T: Scalar<Mask = bool>, const N: usize>(
 /// assert_eq!(continuous_lyapunov(&Mat([[0.1]]), &noise), Err(RiccatiError::Unstable));
 /// # Ok::<(), RiccatiError>(())
 /// ```
-pub fn continuous_lyapunov<T: Scalar<Mask = bool>, const N: usize>(
+pub fn continuous_lyapunov<T: Scalar, const N: usize>(
     a: &Mat<T, N, N>,
     c: &NoiseDensity<T, N>,
 ) -> Result<Covariance<T, N>, RiccatiError> {
@@ -216,7 +216,7 @@ fn in_units<T: Scalar, const N: usize>(
 }
 
 /// The same without the balance: with E = (A − γ)⁻¹, P = E·(A + γ)·P·(A + γ)ᵀ·Eᵀ + 2γ·E·C·Eᵀ for any γ > 0.
-fn continuous_lyapunov_balanced<T: Scalar<Mask = bool>, const N: usize>(
+fn continuous_lyapunov_balanced<T: Scalar, const N: usize>(
     a: &Mat<T, N, N>,
     c: &Covariance<T, N>,
 ) -> Result<Covariance<T, N>, RiccatiError> {
@@ -232,7 +232,7 @@ fn continuous_lyapunov_balanced<T: Scalar<Mask = bool>, const N: usize>(
 /// The continuous equation as a discrete one with the same solution, and that solution.
 ///
 /// For the dual pair B = Aᵀ − γ, M = B + G·B⁻ᵀ·Q: I + 2γ·M⁻¹, 2γ·B⁻¹·G·M⁻ᵀ and 2γ·M⁻ᵀ·Q·B⁻¹.
-fn cayley<T: Scalar<Mask = bool>, const N: usize>(
+fn cayley<T: Scalar, const N: usize>(
     a: &Mat<T, N, N>,
     g: &Covariance<T, N>,
     q: &Covariance<T, N>,
@@ -259,7 +259,7 @@ fn cayley<T: Scalar<Mask = bool>, const N: usize>(
 /// After k doublings Q is the covariance after 2ᵏ steps from a known start, G the information that as many
 /// measurements hold about that start, and A what is left of it. A goes to zero where there is a steady state.
 /// Where not, Q grows without bound if something is not seen, and G if something is not moved.
-fn doubled<T: Scalar<Mask = bool>, const N: usize>(
+fn doubled<T: Scalar, const N: usize>(
     mut a: Mat<T, N, N>,
     mut g: Covariance<T, N>,
     mut q: Covariance<T, N>,
@@ -294,7 +294,7 @@ fn doubled<T: Scalar<Mask = bool>, const N: usize>(
 
 /// Newton's steps from a solution that is nearly right, until one changes less than half of the digits: the
 /// error after it is then of the order of rounding, because the convergence is quadratic.
-fn refine<T: Scalar<Mask = bool>, const N: usize>(
+fn refine<T: Scalar, const N: usize>(
     mut p: Covariance<T, N>,
     step: impl Fn(&Covariance<T, N>) -> Result<Covariance<T, N>, RiccatiError>,
 ) -> Result<Covariance<T, N>, RiccatiError> {
@@ -310,7 +310,7 @@ fn refine<T: Scalar<Mask = bool>, const N: usize>(
 }
 
 /// Refuses what no equation can be made of; Hᵀ·R⁻¹·H otherwise.
-fn checked_information<T: Scalar<Mask = bool>, const N: usize, const M: usize>(
+fn checked_information<T: Scalar, const N: usize, const M: usize>(
     f: &Mat<T, N, N>,
     h: &Mat<T, M, N>,
     q: &Covariance<T, N>,
@@ -357,7 +357,7 @@ fn through_inverse<T: Scalar, const N: usize, const M: usize>(
 }
 
 /// The largest relative change of a variance. Where none changes, no covariance does.
-fn growth<T: Scalar<Mask = bool>, const N: usize>(old: &Covariance<T, N>, new: &Covariance<T, N>) -> T {
+fn growth<T: Scalar, const N: usize>(old: &Covariance<T, N>, new: &Covariance<T, N>) -> T {
     (0..N).fold(T::of(0.0), |most, i| {
         let change = (new.get(i, i) - old.get(i, i)).abs();
         if change.gt(T::of(0.0)) { largest(most, change / new.get(i, i).abs()) } else { most }
@@ -365,12 +365,12 @@ fn growth<T: Scalar<Mask = bool>, const N: usize>(old: &Covariance<T, N>, new: &
 }
 
 /// Whether every row sum is below ½, so that every eigenvalue is, in whatever units.
-fn vanishes<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>) -> bool {
+fn vanishes<T: Scalar, const N: usize>(a: &Mat<T, N, N>) -> bool {
     largest_row_sum(a).lt(T::of(0.5))
 }
 
 /// max Σ_j |a_ij|.
-pub(crate) fn largest_row_sum<T: Scalar<Mask = bool>, const N: usize>(a: &Mat<T, N, N>) -> T {
+pub(crate) fn largest_row_sum<T: Scalar, const N: usize>(a: &Mat<T, N, N>) -> T {
     a.0.iter().fold(T::of(0.0), |most, row| largest(most, sum!(N, |j| row[j].abs())))
 }
 
@@ -380,7 +380,7 @@ fn transposed<T: Scalar, const N: usize>(a: &Mat<T, N, N>) -> Mat<T, N, N> {
 }
 
 /// A few ulps of one.
-pub(crate) fn rounding<T: Scalar<Mask = bool>>() -> T {
+pub(crate) fn rounding<T: Scalar>() -> T {
     let mut ulp = T::of(1.0);
     // f64 ends after 53 halvings.
     for _ in 0..64 {
@@ -395,6 +395,6 @@ fn largest<T: Scalar>(a: T, b: T) -> T {
     T::select(a.lt(b), b, a)
 }
 
-fn one_if_zero<T: Scalar<Mask = bool>>(a: T) -> T {
+fn one_if_zero<T: Scalar>(a: T) -> T {
     if a.gt(T::of(0.0)) { a } else { T::of(1.0) }
 }

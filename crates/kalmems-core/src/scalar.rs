@@ -3,60 +3,10 @@
 use crate::{Dual, math};
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-/// The result of a comparison: `bool` for one number, one bit per lane for several.
-///
-/// ```
-/// use kalmems_core::{Mask, Scalar};
-/// let positive = 2.0_f64.gt(0.0);
-/// assert!(positive.and(1.0_f64.lt(3.0)).all());
-/// assert!(!positive.not().any());
-/// ```
-pub trait Mask: Copy {
-    /// Both.
-    #[must_use]
-    fn and(self, other: Self) -> Self;
-    /// Either.
-    #[must_use]
-    fn or(self, other: Self) -> Self;
-    /// The opposite.
-    #[must_use]
-    fn not(self) -> Self;
-    /// Whether every lane is set.
-    fn all(self) -> bool;
-    /// Whether any lane is set.
-    fn any(self) -> bool;
-}
-
-impl Mask for bool {
-    #[inline(always)]
-    fn and(self, other: Self) -> Self {
-        self & other
-    }
-    #[inline(always)]
-    fn or(self, other: Self) -> Self {
-        self | other
-    }
-    #[inline(always)]
-    fn not(self) -> Self {
-        !self
-    }
-    #[inline(always)]
-    fn all(self) -> bool {
-        self
-    }
-    #[inline(always)]
-    fn any(self) -> bool {
-        self
-    }
-}
-
-/// A real number, or several side by side, or one with its derivatives.
-///
-/// It offers nothing that eight numbers in a register could not do: a comparison gives a [`Mask`] and a branch
-/// is a [`select`](Scalar::select). Physics is written once over this trait.
+/// A real number, or one with its derivatives. Physics is written once over this trait.
 ///
 /// Elementary functions are within 2 units in the last place, and the crate's own, not the platform's: the same input
-/// gives the same bytes everywhere, in one number and in lanes. `tests/math.rs` measures them.
+/// gives the same bytes everywhere. `tests/math.rs` measures them.
 ///
 /// ```
 /// use kalmems_core::Scalar;
@@ -75,23 +25,20 @@ pub trait Scalar:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// What a comparison gives.
-    type Mask: Mask;
-
     /// A constant, rounded to this number's precision.
     fn of(value: f64) -> Self;
     /// `self < other`; false where either is not a number.
-    fn lt(self, other: Self) -> Self::Mask;
+    fn lt(self, other: Self) -> bool;
     /// `self > other`; false where either is not a number.
     #[inline(always)]
-    fn gt(self, other: Self) -> Self::Mask {
+    fn gt(self, other: Self) -> bool {
         other.lt(self)
     }
     /// Neither infinite nor not a number.
-    fn is_finite(self) -> Self::Mask;
-    /// `yes` where the mask is set, `no` elsewhere.
+    fn is_finite(self) -> bool;
+    /// `yes` where the condition holds, `no` elsewhere.
     #[must_use]
-    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+    fn select(condition: bool, yes: Self, no: Self) -> Self;
     /// `self + a·b`.
     #[inline(always)]
     #[must_use]
@@ -229,7 +176,6 @@ macro_rules! each {
 macro_rules! float {
     ($t:ident) => {
         impl Scalar for $t {
-            type Mask = bool;
             #[inline(always)]
             #[allow(clippy::cast_possible_truncation)] // rounding a constant to f32 is what `of` says
             fn of(value: f64) -> Self {
@@ -244,8 +190,8 @@ macro_rules! float {
                 math::Register::is_finite(self)
             }
             #[inline(always)]
-            fn select(mask: bool, yes: Self, no: Self) -> Self {
-                if mask { yes } else { no }
+            fn select(condition: bool, yes: Self, no: Self) -> Self {
+                if condition { yes } else { no }
             }
             #[inline(always)]
             fn abs(self) -> Self {

@@ -44,7 +44,7 @@ pub struct Scales<T, const N: usize> {
     recips: [T; N],
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize> Scales<T, N> {
+impl<T: Scalar, const N: usize> Scales<T, N> {
     /// From the unit of each state; each must be positive, and neither it nor its reciprocal near the end of the range.
     pub fn new(sizes: [T; N]) -> Result<Self, NotAScale> {
         let recips = sizes.map(Scalar::recip);

@@ -8,13 +8,10 @@
 
 mod by_hand;
 mod cases;
-mod in_lanes;
 mod system;
 
 use cases::Comparison;
-use in_lanes::{COUNTED, Group, Method};
 use kalmems_core::Scalar;
-use kalmems_core::lanes::Real;
 use std::hint::black_box;
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
@@ -51,15 +48,6 @@ const BUDGETS: [(&str, &str, &str, u32); 20] = [
     ("f32", "EKF, Runge–Kutta, states", "5 states", 2910),
 ];
 
-/// The same for a filter in lanes, and the largest share of the scalar filter by hand that it may take: about
-/// what its goal in time asks for, a quarter in f64 and an eighth in f32.
-const LANES: [(&str, &str, Method, u32, f64); 4] = [
-    ("f64", "EKF, Euler", Method::Euler, 625, 0.26),
-    ("f64", "EKF, Runge–Kutta", Method::RungeKutta, 1351, 0.26),
-    ("f32", "EKF, Euler", Method::Euler, 557, 0.13),
-    ("f32", "EKF, Runge–Kutta", Method::RungeKutta, 1201, 0.13),
-];
-
 fn main() -> io::Result<ExitCode> {
     let mut narrow = cases::comparisons::<f32>(cases::EXTENDED_F32);
     let mut wide = cases::comparisons::<f64>(cases::EXTENDED_F64);
@@ -68,8 +56,6 @@ fn main() -> io::Result<ExitCode> {
     if env::args().any(|argument| argument == WATCHED) {
         run_all(&wide);
         run_all(&narrow);
-        run_lanes::<f64>("f64");
-        run_lanes::<f32>("f32");
         return Ok(ExitCode::SUCCESS);
     }
     // `cargo test --benches` runs them too, without this; only `cargo bench` optimises as a release is.
@@ -83,10 +69,8 @@ fn main() -> io::Result<ExitCode> {
     let counts = count()?;
     let filters = wide.iter().map(|c| c.runs().count()).sum::<usize>()
         + narrow.iter().map(|c| c.runs().count()).sum::<usize>();
-    let in_lanes = if COUNTED.is_available() { LANES.len() } else { 0 };
-    if counts.len() != filters + in_lanes {
-        let wanted = filters + in_lanes;
-        return Err(io::Error::other(format!("valgrind saw {} of {wanted} filters", counts.len())));
+    if counts.len() != filters {
+        return Err(io::Error::other(format!("valgrind saw {} of {filters} filters", counts.len())));
     }
     let mut counts = counts.into_iter();
     println!(
@@ -96,21 +80,12 @@ fn main() -> io::Result<ExitCode> {
         "{:<5}{:<25}{:<28}{:>12}{:>8}{:>8}{:>9}",
         "", "filter", "", "instr./step", "ratio", "bound", "budget"
     );
-    let by_hand = |counts: &[f64], skip: usize| [counts[skip], counts[skip + 3]];
-    let hand = [
-        by_hand(counts.as_slice(), 0),
-        by_hand(counts.as_slice(), wide.iter().map(|c| c.runs().count()).sum()),
-    ];
-    let good = [
-        report("f64", &wide, &mut counts),
-        report("f32", &narrow, &mut counts),
-        report_lanes(hand, &mut counts),
-    ];
-    Ok(if good == [true; 3] { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    let good = [report("f64", &wide, &mut counts), report("f32", &narrow, &mut counts)];
+    Ok(if good == [true; 2] { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 /// Every filter over a short and a long signal.
-fn run_all<T: Scalar<Mask = bool>>(comparisons: &[Comparison<T>]) {
+fn run_all<T: Scalar>(comparisons: &[Comparison<T>]) {
     let systems = LENGTHS.map(System::simulated);
     for comparison in comparisons {
         for run in comparison.runs() {
@@ -119,27 +94,6 @@ fn run_all<T: Scalar<Mask = bool>>(comparisons: &[Comparison<T>]) {
             }
         }
     }
-}
-
-/// The filters in lanes over a short and a long signal, where the machine has them.
-fn run_lanes<F: Real + Scalar<Mask = bool>>(number: &str) {
-    let systems = LENGTHS.map(System::<F>::simulated);
-    for (_, _, method, ..) in LANES.iter().filter(|row| row.0 == number && COUNTED.is_available()) {
-        for system in &systems {
-            watched_in_lanes(Group { system, method: *method });
-        }
-    }
-}
-
-/// As [`watched`], for a group of filters.
-#[inline(never)]
-fn watched_in_lanes<F: Real + Scalar<Mask = bool>>(group: Group<F>) {
-    assert!(black_box(COUNTED.run(black_box(group))).is_some_and(|run| run.is_ok()), "a lane refused a step");
-}
-
-/// How many filters a group has.
-fn width(number: &str) -> f64 {
-    if number == "f64" { 8.0 } else { 16.0 }
 }
 
 /// What valgrind counts: it is told this name.
@@ -207,25 +161,6 @@ fn report<T>(number: &str, comparisons: &[Comparison<T>], counts: &mut impl Iter
                 if within { "" } else { "  TOO MANY" }
             );
         }
-    }
-    good
-}
-
-/// Prints the counts per step of one filter in lanes, against the scalar filter by hand: [[Euler, Runge–Kutta]] in f64
-/// and f32.
-fn report_lanes(by_hand: [[f64; 2]; 2], counts: &mut impl Iterator<Item = f64>) -> bool {
-    let mut good = true;
-    for (i, ((number, filter, _, budget, bound), count)) in LANES.iter().zip(counts).enumerate() {
-        let instructions = count / width(number);
-        let ratio = instructions / by_hand[i / 2][i % 2];
-        // Budgets are of the whole group: a fraction of an instruction is none.
-        let within = ratio <= *bound && count <= f64::from(*budget);
-        good &= within;
-        println!(
-            "{number:<5}{filter:<25}{:<28}{instructions:>12.1}{ratio:>8.3}{bound:>8.3}{budget:>9} in all{}",
-            "in lanes, AVX2",
-            if within { "" } else { "  TOO MANY" }
-        );
     }
     good
 }

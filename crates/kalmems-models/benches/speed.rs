@@ -59,7 +59,7 @@ fn main() {
 }
 
 /// The thesis of the accelerometer allows 5 µs for a step; the settled gain is to take a quarter of the full filter.
-fn compare_accelerometer<T: Scalar<Mask = bool>>(number: &str) {
+fn compare_accelerometer<T: Scalar>(number: &str) {
     let filters: [(&str, accelerometer::Run<T>); 3] = [
         ("settled gain", Sensed::settled),
         ("EKF, exact step", Sensed::exact),
@@ -80,7 +80,7 @@ fn compare_phasors() {
 }
 
 /// The goal is 4 times the plain filter for the whole chain.
-fn compare_crossings<T: Scalar<Mask = bool>>(number: &str) {
+fn compare_crossings<T: Scalar>(number: &str) {
     let chain: [(&str, threshold::Run<T>); 3] = [
         ("plain", FreeDecay::plain),
         ("detector alone", FreeDecay::detector),
@@ -89,7 +89,7 @@ fn compare_crossings<T: Scalar<Mask = bool>>(number: &str) {
     compare(number, "EKF, exact step, and its crossings", &FreeDecay::simulated(LENGTH), &chain);
 }
 
-fn compare_all<T: Scalar<Mask = bool>>(number: &str, extended: f64) {
+fn compare_all<T: Scalar>(number: &str, extended: f64) {
     let system = System::<T>::simulated(LENGTH);
     for comparison in cases::comparisons(extended).into_iter().chain([cases::more_states()]) {
         let mut filters = vec![(comparison.first, comparison.run)];

@@ -133,7 +133,7 @@ fn bound(motion: &[[f64; 2]], from_s: f64, sampling: Sampling) -> f64 {
 }
 
 /// The mean square error of a filter's angle, in the units that an export has.
-fn filtered<T: Scalar<Mask = bool> + Into<f64>>(
+fn filtered<T: Scalar + Into<f64>>(
     (motion, from_s): (&[[f64; 2]], f64),
     (sampling, scheme, density): (Sampling, Scheme, f64),
     chance: &mut Chance,
@@ -193,7 +193,7 @@ fn filtered<T: Scalar<Mask = bool> + Into<f64>>(
 }
 
 /// The least root mean square error over decades of q, and that decade.
-fn best<T: Scalar<Mask = bool> + Into<f64>>(
+fn best<T: Scalar + Into<f64>>(
     motions: &[(Vec<[f64; 2]>, f64)],
     sampling: Sampling,
     scheme: Scheme,

@@ -40,7 +40,7 @@ fn assert_equal<T: Scalar + Into<f64>>(name: &str, system: &System<T>, runs: [Ru
     }
 }
 
-fn assert_all_equal<T: Scalar<Mask = bool> + Into<f64>>(tolerance: f64) {
+fn assert_all_equal<T: Scalar + Into<f64>>(tolerance: f64) {
     let system = System::<T>::simulated(LENGTH);
     for comparison in cases::comparisons::<T>(0.0) {
         for case in &comparison.others {
@@ -82,7 +82,7 @@ fn filters_by_hand_refuse_what_generic_ones_refuse() {
     }
 }
 
-fn assert_fixed_gain_is_the_same_to_the_bit<T: Scalar<Mask = bool> + Into<f64>>() {
+fn assert_fixed_gain_is_the_same_to_the_bit<T: Scalar + Into<f64>>() {
     let system = System::<T>::simulated(LENGTH);
     let comparison = cases::fixed_gain_filters::<T>();
     for case in &comparison.others {

@@ -24,7 +24,7 @@ type Finder<T> = Detector<T, 60, 150, 336>;
 
 /// One step over one interval, and its noise.
 #[inline(always)]
-pub fn process<T: Scalar<Mask = bool>>() -> LinearProcess<T, 2, 0> {
+pub fn process<T: Scalar>() -> LinearProcess<T, 2, 0> {
     let of = T::of;
     LinearProcess {
         transition: Mat([[of(0.9999687030664928), of(0.9999373518726021)], [of(-6.259245101945472e-5), of(0.9998642740215946)]]),
@@ -72,7 +72,7 @@ fn slope_kernel<T: Scalar>() -> SlopeKernel<T, 60> {
 
 /// The cubic around a crossing.
 #[inline(always)]
-fn cubic_fit<T: Scalar<Mask = bool>>() -> CubicFit<T, 90> {
+fn cubic_fit<T: Scalar>() -> CubicFit<T, 90> {
     let of = T::of;
     let weights = [
         of(0.9994445987368581), of(0.9977802450856064), of(0.9950124791926821), of(0.9911505004882845),
@@ -112,7 +112,7 @@ pub struct Estimator<T: Scalar> {
     crossings: u32,
 }
 
-impl<T: Scalar<Mask = bool>> Estimator<T> {
+impl<T: Scalar> Estimator<T> {
     /// Before the first sample.
     pub fn new() -> Self {
         let of = T::of;

@@ -21,7 +21,7 @@ pub fn crossings_that_were_found() -> Option<f64> {
     Some(if single > double { single } else { double })
 }
 
-fn found<T: Scalar<Mask = bool>>() -> Option<T> {
+fn found<T: Scalar>() -> Option<T> {
     let of = |value: f64| T::of(black_box(value));
     let signal: [T; LENGTH] =
         core::array::from_fn(|k| (of(TAU / 200.0) * (T::of(k as f64) - of(LATE))).sin() * of(50.0));

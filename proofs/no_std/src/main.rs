@@ -2,15 +2,13 @@
 //!
 //! There is no `std` and no allocator here, and the panic handler calls a function that does not exist: if any
 //! panic survived the optimiser, this would not link. It runs the shared-electrode scanner's filters on a
-//! signal made on the spot, one by one and, with the feature `lanes`, in lanes, and returns 0 where they followed it.
+//! signal made on the spot, and returns 0 where they followed it.
 
 #![no_std]
 #![no_main]
 
 mod around;
 mod detection;
-#[cfg(feature = "lanes")]
-mod in_lanes;
 
 use around::what_stands_around_the_filters;
 use core::hint::black_box;
@@ -55,7 +53,7 @@ fn models<T: Scalar>() -> (ParametricScanner<T>, DemodulatedComb<T>) {
 }
 
 /// One filter against a simulated ring-down; the error of its angle at the end, in rad.
-fn follow<T: Scalar<Mask = bool>, F: Filter<T, 2>>(filter: &mut F) -> Result<T, FilterError> {
+fn follow<T: Scalar, F: Filter<T, 2>>(filter: &mut F) -> Result<T, FilterError> {
     let of = |value: f64| T::of(black_box(value));
     let (scanner, readout) = models::<T>();
     let noise = NoiseDensity::none().on::<1>(of(1e6));
@@ -87,8 +85,6 @@ extern "C" fn main() -> i32 {
         && good(follow(&mut Ukf::new([0.12, 0.0], start, SigmaPoints::standard())))
         && fine(follow(&mut Ekf::new([0.12, 0.0], narrow)))
         && fine(follow(&mut Ukf::new([0.12, 0.0], narrow, SigmaPoints::standard())));
-    #[cfg(feature = "lanes")]
-    let passed = passed && in_lanes::followed();
     let around = what_stands_around_the_filters().is_some_and(|error| error < 1e-3);
     let crossings = crossings_that_were_found().is_some_and(|error| error < 1e-3);
     i32::from(!(passed && around && crossings))

@@ -1,7 +1,7 @@
 //! Several models, weighed by what they predicted.
 
 use crate::notation::{lower, sum, vector};
-use crate::{Covariance, Filter, FilterError, Gaussian, Mask, NumericMeasurement, NumericProcess, Scalar};
+use crate::{Covariance, Filter, FilterError, Gaussian, NumericMeasurement, NumericProcess, Scalar};
 
 /// `K` filters of one kind with models that differ, weighted by their likelihood: one of them is right, all
 /// the time.
@@ -41,7 +41,7 @@ pub struct BankEvidence<T: Scalar> {
     /// ln Σ weight·p(y | past, model).
     pub log_likelihood: T,
     /// Where all models took the measurement; elsewhere the weights are as before.
-    pub taken: T::Mask,
+    pub taken: bool,
 }
 
 impl<T: Scalar, F: Filter<T, N> + Clone, const N: usize, const K: usize> Bank<F, T, N, K> {
@@ -65,14 +65,13 @@ impl<T: Scalar, F: Filter<T, N> + Clone, const N: usize, const K: usize> Bank<F,
         &mut self,
         processes: &[P; K],
         u: &P::Input,
-    ) -> Result<T::Mask, FilterError> {
+    ) -> Result<(), FilterError> {
         let mut next = self.filters.clone();
-        let mut taken = T::of(0.0).is_finite();
         for (filter, process) in next.iter_mut().zip(processes) {
-            taken = taken.and(filter.predict(process, u)?);
+            filter.predict(process, u)?;
         }
         self.filters = next;
-        Ok(taken)
+        Ok(())
     }
 
     /// Corrects all models, each with its own sensor and noise, and weighs them. An error leaves all as it
@@ -85,14 +84,14 @@ impl<T: Scalar, F: Filter<T, N> + Clone, const N: usize, const K: usize> Bank<F,
         r: &[Covariance<T, M>; K],
     ) -> Result<BankEvidence<T>, FilterError> {
         let mut next = self.filters.clone();
-        let mut taken = T::of(0.0).is_finite();
+        let mut taken = true;
         let mut log_weights = self.log_weights;
         for (((filter, measurement), r), log_weight) in
             next.iter_mut().zip(measurements).zip(r).zip(&mut log_weights)
         {
             let innovation = filter.update(measurement, y, r)?;
             *log_weight = *log_weight + innovation.log_likelihood();
-            taken = taken.and(innovation.taken);
+            taken &= innovation.taken;
         }
         self.filters = next;
         let (mut log_weights, log_likelihood) = normalized(&log_weights);

@@ -18,7 +18,7 @@ pub use score::{Score, ScoreStep};
 pub use window::InnovationWindow;
 
 use crate::notation::{lower, vector};
-use crate::{Covariance, Mask, Scalar};
+use crate::{Covariance, Scalar};
 use core::array;
 
 /// Between what an estimate may lie, for each of `P` numbers.
@@ -49,25 +49,25 @@ pub struct BoundedEstimate<T: Scalar, const P: usize> {
     /// The numbers.
     pub value: [T; P],
     /// Where a number was below its bound and stands at it now.
-    pub at_least: [T::Mask; P],
+    pub at_least: [bool; P],
     /// Where a number was above its bound and stands at it now.
-    pub at_most: [T::Mask; P],
+    pub at_most: [bool; P],
 }
 
 impl<T: Scalar, const P: usize> BoundedEstimate<T, P> {
     /// Where a bound binds: the estimate is then not what the data say.
-    pub fn binds(&self) -> T::Mask {
-        let no = T::of(0.0).is_finite().not();
-        let below = self.at_least.iter().fold(no, |binds, at| binds.or(*at));
-        self.at_most.iter().fold(below, |binds, at| binds.or(*at))
+    pub fn binds(&self) -> bool {
+        let no = false;
+        let below = self.at_least.iter().fold(no, |binds, at| binds || *at);
+        self.at_most.iter().fold(below, |binds, at| binds || *at)
     }
 }
 
 impl<T: Scalar, const P: usize> Bounds<T, P> {
     /// Holds numbers within the bounds. What is not a number stays so.
     pub fn hold(&self, value: [T; P]) -> BoundedEstimate<T, P> {
-        let at_least: [T::Mask; P] = array::from_fn(|i| value[i].lt(self.least[i]));
-        let at_most: [T::Mask; P] = array::from_fn(|i| value[i].gt(self.most[i]));
+        let at_least: [bool; P] = array::from_fn(|i| value[i].lt(self.least[i]));
+        let at_most: [bool; P] = array::from_fn(|i| value[i].gt(self.most[i]));
         let value = vector!(|i| {
             T::select(at_least[i], self.least[i], T::select(at_most[i], self.most[i], value[i]))
         });
@@ -78,7 +78,7 @@ impl<T: Scalar, const P: usize> Bounds<T, P> {
     pub fn hold_variances(&self, covariance: &Covariance<T, P>) -> (Covariance<T, P>, BoundedEstimate<T, P>) {
         let held = self.hold(vector!(|i| covariance.get(i, i)));
         let scales: [T; P] = vector!(|i| {
-            let changed = held.at_least[i].or(held.at_most[i]);
+            let changed = held.at_least[i] | held.at_most[i];
             T::select(changed, (held.value[i] / covariance.get(i, i)).sqrt(), T::of(1.0))
         });
         (lower!(|i, j| covariance.get(i, j) * (scales[i] * scales[j])), held)

@@ -2,7 +2,7 @@
 
 use crate::linalg::Ldl;
 use crate::notation::{lower, sum, vector};
-use crate::{Covariance, Dual, Innovation, Mask, Scalar};
+use crate::{Covariance, Dual, Innovation, Scalar};
 
 /// The slope of the log-likelihood with respect to `P` parameters, and how much the data say of them.
 ///
@@ -72,12 +72,12 @@ impl<T: Scalar, const P: usize> Score<T, P> {
         Self { score: [T::of(0.0); P], information: Covariance::zero() }
     }
 
-    /// Counts one innovation of a filter over dual numbers. A lane that was refused is not counted.
+    /// Counts one innovation of a filter over dual numbers. One that was refused is not counted.
     #[inline(always)]
     pub fn add<const M: usize>(&mut self, innovation: &Innovation<Dual<T, P>, M>) {
         let s = Covariance::<T, M>::lower(|i, j| innovation.covariance.get(i, j).value());
         let ldl = Ldl::of(&s);
-        let usable = ldl.positive.and(innovation.nis.value().is_finite());
+        let usable = ldl.positive & innovation.nis.value().is_finite();
         let roots = ldl.diagonal.map(|d| d.sqrt().recip());
         let white = |v: &[T; M]| -> [T; M] {
             let v = ldl.decorrelate(v);
@@ -111,7 +111,7 @@ impl<T: Scalar, const P: usize> Score<T, P> {
     }
 }
 
-impl<T: Scalar<Mask = bool>, const P: usize> Score<T, P> {
+impl<T: Scalar, const P: usize> Score<T, P> {
     /// One step of the scoring method; none where the data do not tell the parameters apart.
     ///
     /// That is where some parameter keeps less than a millionth of its information when those before it are

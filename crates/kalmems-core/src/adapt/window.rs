@@ -2,7 +2,7 @@
 
 use crate::linalg::Ldl;
 use crate::notation::{lower, sum, vector};
-use crate::{Covariance, Innovation, Mask, Mat, Scalar};
+use crate::{Covariance, Innovation, Mat, Scalar};
 
 /// What the innovations of the last samples say of the noise.
 ///
@@ -75,7 +75,7 @@ impl<T: Scalar, const M: usize> InnovationWindow<T, M> {
         *self = Self::new(self.forgetting);
     }
 
-    /// Counts one innovation, made with the measurement noise `r`. A lane that was refused is not counted.
+    /// Counts one innovation, made with the measurement noise `r`. One that was refused is not counted.
     ///
     /// What a gate declined is counted if it is handed over. Left out, R̂ is that of the noise within the
     /// gate, and smaller.
@@ -83,7 +83,7 @@ impl<T: Scalar, const M: usize> InnovationWindow<T, M> {
     pub fn add(&mut self, innovation: &Innovation<T, M>, r: &Covariance<T, M>) {
         let s = &innovation.covariance;
         let ldl = Ldl::of(s);
-        let usable = ldl.positive.and(innovation.nis.is_finite());
+        let usable = ldl.positive & innovation.nis.is_finite();
         let weighted = ldl.solve(&innovation.residual);
         // R·S⁻¹ and S − R = H·P·Hᵀ.
         let share: Mat<T, M, M> = Mat(vector!(|i| ldl.solve(&vector!(|k| r.get(k, i)))));

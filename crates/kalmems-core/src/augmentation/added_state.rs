@@ -44,7 +44,7 @@ pub enum Drift<T> {
     },
 }
 
-impl<T: Scalar<Mask = bool>> AddedState<T> {
+impl<T: Scalar> AddedState<T> {
     /// Whether every number is in its range; `state` is its index among the added states.
     pub fn check(&self, state: usize) -> Result<(), AugmentationError> {
         let zero = T::of(0.0);
@@ -63,7 +63,7 @@ impl<T: Scalar<Mask = bool>> AddedState<T> {
     }
 }
 
-impl<T: Scalar<Mask = bool>> Drift<T> {
+impl<T: Scalar> Drift<T> {
     /// The exact step over an interval: x′ = a·x + w, with a and the variance of w.
     ///
     /// a = 1 with the variance density·h, or a = e^{−h/τ} with σ²·(1 − e^{−2h/τ}), which is left to the

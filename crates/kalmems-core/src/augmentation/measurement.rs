@@ -18,7 +18,7 @@ pub struct AugmentedMeasurement<H, T, const N: usize, const A: usize> {
 
 impl<H, T, const N: usize, const A: usize> AugmentedMeasurement<H, T, N, A>
 where
-    T: Scalar<Mask = bool>,
+    T: Scalar,
     H: Parameters<T>,
 {
     /// Adds states to a measurement. `enters` names the parameter of it that each of them enters, if any.

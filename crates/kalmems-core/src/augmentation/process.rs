@@ -25,7 +25,7 @@ pub struct Augmented<P, T, const N: usize, const A: usize, const NA: usize> {
 
 impl<P, T, const N: usize, const A: usize, const NA: usize> Augmented<P, T, N, A, NA>
 where
-    T: Scalar<Mask = bool>,
+    T: Scalar,
     P: ParametricProcess<T, N>,
 {
     /// Adds states to a process. `enters` names the parameter of its model that each of them enters, if any.

@@ -15,7 +15,7 @@ pub struct Slots<T, const A: usize> {
 /// A state that does not enter the model.
 const NONE: usize = usize::MAX;
 
-impl<T: Scalar<Mask = bool>, const A: usize> Slots<T, A> {
+impl<T: Scalar, const A: usize> Slots<T, A> {
     /// Looks the names up and checks the states.
     pub fn new<M: Parameters<T>>(
         added: &[AddedState<T>; A],

@@ -84,7 +84,7 @@ impl CubicDesign {
     }
 }
 
-impl<T: Scalar<Mask = bool>, const REACH: usize> CubicFit<T, REACH> {
+impl<T: Scalar, const REACH: usize> CubicFit<T, REACH> {
     /// The fit with a Gaussian of standard deviation `width` samples.
     ///
     /// # Errors
@@ -168,7 +168,7 @@ fn slope<T: Scalar>(cubic: &[T; 4], u: T) -> T {
 }
 
 /// The zero that Newton's method finds from the centre, within |u| ≤ 2.
-fn zero_near_the_centre<T: Scalar<Mask = bool>>(cubic: &[T; 4]) -> Option<T> {
+fn zero_near_the_centre<T: Scalar>(cubic: &[T; 4]) -> Option<T> {
     let mut u = T::of(0.0);
     for _ in 0..32 {
         let value = cubic[0] + u * (cubic[1] + u * (cubic[2] + u * cubic[3]));

@@ -47,9 +47,7 @@ pub struct Detector<T, const HALF: usize, const REACH: usize, const MEMORY: usiz
     last: Option<u64>,
 }
 
-impl<T: Scalar<Mask = bool>, const HALF: usize, const REACH: usize, const MEMORY: usize>
-    Detector<T, HALF, REACH, MEMORY>
-{
+impl<T: Scalar, const HALF: usize, const REACH: usize, const MEMORY: usize> Detector<T, HALF, REACH, MEMORY> {
     /// How many samples after it happened a crossing is reported.
     pub const LOOK_AHEAD: usize = HALF + REACH + 1;
 

@@ -154,7 +154,7 @@ impl<T: Scalar, const HALF: usize> SlopeKernel<T, HALF> {
     /// finite, or beyond the ends). What of `out` is longer than the signal is filled in the same way.
     pub fn responses(&self, signal: &[T], out: &mut [T])
     where
-        T: Scalar<Mask = bool>,
+        T: Scalar,
     {
         let length = self.length();
         out.fill(T::of(f64::NAN));

@@ -16,7 +16,7 @@ pub struct Peak<T> {
     pub curvature: T,
 }
 
-impl<T: Scalar<Mask = bool>> Peak<T> {
+impl<T: Scalar> Peak<T> {
     /// The middle one of three responses, if it is a maximum. All three must be numbers.
     #[inline(always)]
     fn of(index: u64, [before, height, after]: [T; 3]) -> Option<Self> {
@@ -44,7 +44,7 @@ pub(super) struct Maxima<T, const REACH: usize> {
     filled: usize,
 }
 
-impl<T: Scalar<Mask = bool>, const REACH: usize> Maxima<T, REACH> {
+impl<T: Scalar, const REACH: usize> Maxima<T, REACH> {
     pub fn new(lowest: T) -> Self {
         const { assert!(REACH > 0, "maxima are compared over one sample at least") };
         let zero = T::of(0.0);
@@ -124,7 +124,7 @@ impl<T: Scalar<Mask = bool>, const REACH: usize> Maxima<T, REACH> {
 /// A maximum above the threshold is one if no other maximum within `reach` samples is higher, or as high and earlier.
 /// Responses that are not numbers are a gap: next to it there is no maximum, and nothing is known of what was in it.
 #[must_use]
-pub fn peaks<T: Scalar<Mask = bool>>(responses: &[T], reach: usize, threshold: Threshold<T>) -> Peaks<'_, T> {
+pub fn peaks<T: Scalar>(responses: &[T], reach: usize, threshold: Threshold<T>) -> Peaks<'_, T> {
     Peaks { responses, reach, threshold, next: 0, last: None }
 }
 
@@ -138,7 +138,7 @@ pub struct Peaks<'a, T> {
     last: Option<u64>,
 }
 
-impl<T: Scalar<Mask = bool>> Peaks<'_, T> {
+impl<T: Scalar> Peaks<'_, T> {
     /// The maximum at a sample, if there is one.
     fn maximum(&self, index: usize) -> Option<Peak<T>> {
         let before = *self.responses.get(index.checked_sub(1)?)?;
@@ -157,7 +157,7 @@ impl<T: Scalar<Mask = bool>> Peaks<'_, T> {
     }
 }
 
-impl<T: Scalar<Mask = bool>> Iterator for Peaks<'_, T> {
+impl<T: Scalar> Iterator for Peaks<'_, T> {
     type Item = Peak<T>;
 
     fn next(&mut self) -> Option<Peak<T>> {

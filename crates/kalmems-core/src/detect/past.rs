@@ -24,10 +24,7 @@ use crate::{LinearMeasurement, Mat, Scalar};
 /// assert!(!filter.update_where(&angle_at(&free, 1.5), &[1.0], &r, &Gate { nis: 16.0 })?.taken);
 /// # Ok::<(), kalmems_core::FilterError>(())
 /// ```
-pub fn angle_at<T: Scalar<Mask = bool>, const N: usize>(
-    a: &Mat<T, N, N>,
-    delay: T,
-) -> LinearMeasurement<T, N, 1> {
+pub fn angle_at<T: Scalar, const N: usize>(a: &Mat<T, N, N>, delay: T) -> LinearMeasurement<T, N, 1> {
     let back = matrix_exponential(&a.scaled(-delay));
     LinearMeasurement { matrix: Mat(core::array::from_fn(|i| back.0[i])) }
 }

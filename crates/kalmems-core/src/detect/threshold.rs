@@ -26,7 +26,7 @@ pub struct HoldLevel {
     pub samples: u32,
 }
 
-impl<T: Scalar<Mask = bool>> Threshold<T> {
+impl<T: Scalar> Threshold<T> {
     /// One level, in the signal's unit per sample: k·[`noise_deviation`](SlopeKernel::noise_deviation) for k σ.
     pub fn fixed(level: T) -> Self {
         Self { acquire: level, keep: level, memory: 0 }

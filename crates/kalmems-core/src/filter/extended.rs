@@ -21,7 +21,7 @@ impl<T: Scalar, const N: usize> Ekf<T, N> {
     }
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize> Ekf<T, N> {
+impl<T: Scalar, const N: usize> Ekf<T, N> {
     /// A prediction and an update with a measurement `y` of noise covariance `r`: bit by bit what
     /// [`predict`](Filter::predict) and [`update`](Filter::update) give one after the other, for a small processor.
     ///

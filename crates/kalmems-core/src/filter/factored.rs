@@ -5,7 +5,7 @@ use super::gaussian::Refusal;
 use crate::linalg::{Contraction, Decorrelation, triangularize};
 use crate::notation::{lower, sum, vector};
 use crate::update::{Correction, Policy};
-use crate::{Cholesky, Covariance, FilterError, Mask, Mat, Scalar};
+use crate::{Cholesky, Covariance, FilterError, Mat, Scalar};
 
 /// A Gaussian over the state, its covariance P = S·Sᵀ held as S: lower triangular, not negative on its
 /// diagonal.
@@ -33,43 +33,26 @@ impl<T: Scalar, const N: usize> Factored<T, N> {
     }
 
     #[inline(always)]
-    fn is_finite(&self) -> T::Mask {
-        let mut finite = T::of(0.0).is_finite();
+    fn is_finite(&self) -> bool {
+        let mut finite = true;
         for i in 0..N {
-            finite = finite.and(self.mean[i].is_finite());
+            finite &= self.mean[i].is_finite();
             for j in 0..N {
                 if j > i {
                     break;
                 }
-                finite = finite.and(self.factor.0[i][j].is_finite());
+                finite &= self.factor.0[i][j].is_finite();
             }
         }
         finite
     }
 
-    /// Takes `next` where it is wanted and nothing speaks against it; names the reason where something does in
-    /// every lane.
+    /// Takes `next` where it is finite and nothing speaks against it.
     #[inline(always)]
-    pub fn take(
-        &mut self,
-        next: &Self,
-        wanted: T::Mask,
-        refused: &Refusal<T>,
-    ) -> Result<T::Mask, FilterError> {
-        let refused = Refusal { state: next.is_finite().not(), ..*refused };
-        let taken = wanted.and(refused.mask().not());
-        // Nearly always every lane takes it; then no number waits for the checks.
-        if taken.all() {
-            *self = *next;
-        } else {
-            self.mean = vector!(|i| T::select(taken, next.mean[i], self.mean[i]));
-            for i in 0..N {
-                for j in 0..(i + 1).min(N) {
-                    self.factor.0[i][j] = T::select(taken, next.factor.0[i][j], self.factor.0[i][j]);
-                }
-            }
-        }
-        refused.to_error().map(|()| taken)
+    pub fn take(&mut self, next: &Self, refused: Refusal) -> Result<(), FilterError> {
+        Refusal { state: !next.is_finite(), ..refused }.to_error()?;
+        *self = *next;
+        Ok(())
     }
 
     /// The correction with a measurement that sees the state through F = H·S, one row for each component:
@@ -86,7 +69,7 @@ impl<T: Scalar, const N: usize> Factored<T, N> {
         sees: impl Fn(usize, usize) -> bool,
         (noise, apart): (&Covariance<T, M>, &Decorrelation<T, M>),
         policy: &impl Policy<T, N>,
-        refused: &Refusal<T>,
+        refused: Refusal,
     ) -> Result<Innovation<T, M>, FilterError> {
         const { assert!(M > 0, "a measurement has at least one component") };
         // What a component shares with those before it brings in what they see.
@@ -122,22 +105,23 @@ impl<T: Scalar, const N: usize> Factored<T, N> {
         let mut innovation = Innovation::of_pivots(residual, covariance, nis, pivots);
         let variance = vector!(|i| sum!(i + 1, |k| factor.0[i][k].sq()));
         let wanted = policy.take(&innovation, &Correction { change, variance });
-        let finite = Refusal::<T>::of_measurement(y);
+        let finite = Refusal::of_measurement(y);
         let refused = Refusal {
-            measurement: refused.measurement.or(finite.measurement),
-            innovation: refused.innovation.or(innovation.taken.not()),
-            ..*refused
+            measurement: refused.measurement | finite.measurement,
+            innovation: refused.innovation || !innovation.taken,
+            ..refused
         };
-        if !wanted.and(refused.mask().not()).any() {
-            innovation.taken = wanted.and(refused.mask().not());
-            return refused.to_error().map(|()| innovation);
+        refused.to_error()?;
+        innovation.taken = wanted;
+        if !wanted {
+            return Ok(innovation);
         }
 
         let next = Self {
             mean: vector!(|i| self.mean[i] + change[i]),
             factor: contraction.applied(factor, |k| sees_apart(M - 1, k), |i, j| i >= j),
         };
-        innovation.taken = self.take(&next, wanted, &refused)?;
+        self.take(&next, refused)?;
         Ok(innovation)
     }
 }

@@ -4,7 +4,7 @@ use super::{Filter, Innovation, StateTransition};
 use crate::linalg::are_many;
 use crate::notation::{Zeros, dot, finite, lower, matrix, nothing, plus, vector};
 use crate::update::{Correction, Policy};
-use crate::{Covariance, FilterError, Mask, Mat, NumericMeasurement, NumericProcess, Scalar};
+use crate::{Covariance, FilterError, Mat, NumericMeasurement, NumericProcess, Scalar};
 
 /// A Gaussian over the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,45 +32,45 @@ pub(super) struct WeighedMeasurement<T: Scalar, const N: usize, const M: usize> 
     pub recip: [T; M],
 }
 
-/// Why lanes were refused; each mask is set where that happened.
+/// Why a step or a sample was refused, if it was.
 #[derive(Clone, Copy)]
-pub(super) struct Refusal<T: Scalar> {
-    pub measurement: T::Mask,
-    pub innovation: T::Mask,
-    pub covariance: T::Mask,
-    pub state: T::Mask,
+#[allow(clippy::struct_excessive_bools)] // each is a reason of its own, of which there may be several
+pub(super) struct Refusal {
+    pub measurement: bool,
+    pub innovation: bool,
+    pub covariance: bool,
+    pub state: bool,
 }
 
-impl<T: Scalar> Refusal<T> {
-    /// No lane.
+impl Refusal {
+    /// It was not.
     #[inline(always)]
-    pub fn none() -> Self {
-        let no = T::of(0.0).is_finite().not();
-        Self { measurement: no, innovation: no, covariance: no, state: no }
+    pub const fn none() -> Self {
+        Self { measurement: false, innovation: false, covariance: false, state: false }
     }
 
     /// Where a measurement is not finite.
     #[inline(always)]
-    pub fn of_measurement<const M: usize>(y: &[T; M]) -> Self {
-        Self { measurement: finite(y).not(), ..Self::none() }
+    pub fn of_measurement<T: Scalar, const M: usize>(y: &[T; M]) -> Self {
+        Self { measurement: !finite(y), ..Self::none() }
     }
 
-    /// Every lane that was refused.
+    /// Whether it was.
     #[inline(always)]
-    pub fn mask(self) -> T::Mask {
-        self.measurement.or(self.innovation).or(self.covariance).or(self.state)
+    pub const fn happened(self) -> bool {
+        self.measurement | self.innovation | self.covariance | self.state
     }
 
-    /// The first reason, where every lane was refused.
+    /// The first reason, where it was.
     #[inline(always)]
     pub fn to_error(self) -> Result<(), FilterError> {
-        if !self.mask().all() {
+        if !self.happened() {
             Ok(())
-        } else if self.measurement.any() {
+        } else if self.measurement {
             Err(FilterError::NonFiniteMeasurement)
-        } else if self.covariance.any() {
+        } else if self.covariance {
             Err(FilterError::CovarianceNotPositive)
-        } else if self.innovation.any() {
+        } else if self.innovation {
             Err(FilterError::InnovationNotPositive)
         } else {
             Err(FilterError::NonFiniteState)
@@ -81,7 +81,7 @@ impl<T: Scalar> Refusal<T> {
 impl<T: Scalar, const N: usize> Gaussian<T, N> {
     /// Whether mean and covariance are finite.
     #[inline(always)]
-    pub(super) fn is_finite(&self) -> T::Mask {
+    pub(super) fn is_finite(&self) -> bool {
         self.zeros().finite()
     }
 
@@ -98,18 +98,6 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         self.covariance.set(&next.covariance);
     }
 
-    /// Takes `next` where it may be, and keeps itself elsewhere.
-    #[inline(always)]
-    pub(super) fn replace(&mut self, next: &Self, taken: T::Mask) {
-        // Nearly always every lane takes it; then no number waits for the checks.
-        if taken.all() {
-            *self = *next;
-        } else {
-            self.mean = vector!(|i| T::select(taken, next.mean[i], self.mean[i]));
-            self.covariance = Covariance::select(taken, &next.covariance, &self.covariance);
-        }
-    }
-
     /// The prediction with a linear or linearised step: mean f(x), covariance F·P·Fᵀ + Q.
     #[inline(always)]
     pub(super) fn propagate<P: NumericProcess<T, N>>(
@@ -119,8 +107,8 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
     ) -> Result<StateTransition<T, N>, FilterError> {
         let (mean, f) = process.linearized(&self.mean, u);
         let next = self.propagated(mean, &f, process);
-        let taken = self.accept(&next, &Refusal::none())?;
-        Ok(StateTransition { transition: f, noise: *process.noise_added().covariance(), taken })
+        self.accept(&next, Refusal::none())?;
+        Ok(StateTransition { transition: f, noise: *process.noise_added().covariance() })
     }
 
     /// What the prediction gives.
@@ -135,10 +123,12 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         Self { mean, covariance: moved.plus(process.noise_added().covariance()) }
     }
 
-    /// Takes a prediction where it is finite and not refused already; which lanes took it.
+    /// Takes what a step or a sample has led to where it is finite and not refused already.
     #[inline(always)]
-    pub(super) fn accept(&mut self, next: &Self, refused: &Refusal<T>) -> Result<T::Mask, FilterError> {
-        self.finish(next, Refusal::<T>::none().mask().not(), refused)
+    pub(super) fn accept(&mut self, next: &Self, refused: Refusal) -> Result<(), FilterError> {
+        Refusal { state: !next.is_finite(), ..refused }.to_error()?;
+        *self = *next;
+        Ok(())
     }
 
     /// The correction with a linear or linearised measurement.
@@ -154,20 +144,20 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         let correction = self.correction(&gain, &innovation.residual);
         let wanted = policy.take(&innovation, &correction);
         let positive = innovation.taken;
-        innovation.taken = wanted.and(positive);
-        let mut refused = Refusal::<T> { innovation: positive.not(), ..Refusal::none() };
-        if innovation.taken.any() {
+        innovation.taken = wanted & positive;
+        let mut refused = Refusal { innovation: !positive, ..Refusal::none() };
+        if innovation.taken {
             let next = self.corrected::<H, M>(&innovation.residual, &gain, h, r);
             // A measurement that is not finite leaves no state that is: what is taken was.
             let finite = next.is_finite();
-            innovation.taken = innovation.taken.and(finite);
-            self.replace(&next, innovation.taken);
-            if innovation.taken.all() {
+            if finite {
+                *self = next;
                 return Ok(innovation);
             }
-            refused.state = finite.not();
+            innovation.taken = false;
+            refused.state = true;
         }
-        refused.measurement = finite(y).not();
+        refused.measurement = !finite(y);
         refused.to_error().map(|()| innovation)
     }
 
@@ -252,21 +242,6 @@ impl<T: Scalar, const N: usize> Gaussian<T, N> {
         lower!(|i, j| {
             plus_row_products(row_times(&a.0[j], j, bare, |k| ap.0[i][k]), &kr.0[i], &gain.0[j])
         })
-    }
-
-    /// Takes a correction where it is wanted and nothing speaks against it; names the reason where something
-    /// does in every lane.
-    #[inline(always)]
-    pub(super) fn finish(
-        &mut self,
-        next: &Self,
-        wanted: T::Mask,
-        refused: &Refusal<T>,
-    ) -> Result<T::Mask, FilterError> {
-        let refused = Refusal { state: next.is_finite().not(), ..*refused };
-        let taken = wanted.and(refused.mask().not());
-        self.replace(next, taken);
-        refused.to_error().map(|()| taken)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::Gaussian;
 use crate::linalg::{Lu, Mat, epsilon, triangularize};
-use crate::notation::{sum, vector};
+use crate::notation::{finite, sum, vector};
 use crate::smooth::Backward;
 use crate::{Cholesky, Covariance, LinearMeasurement, LinearProcess, Process, Scalar};
 use core::fmt;
@@ -82,7 +82,7 @@ impl fmt::Display for InformationError {
 
 impl core::error::Error for InformationError {}
 
-impl<T: Scalar<Mask = bool>, const N: usize> Information<T, N> {
+impl<T: Scalar, const N: usize> Information<T, N> {
     /// Nothing is known: zero information on every state.
     pub fn nothing() -> Self {
         Self { root: Mat::zero(), sought: [T::of(0.0); N] }
@@ -154,10 +154,12 @@ impl<T: Scalar<Mask = bool>, const N: usize> Information<T, N> {
         let offset = lead.times_vector(&noise.sought);
         let start = back.times_vector(&known);
         let mean = vector!(|i| -(start[i] + offset[i]));
-        let step =
-            Backward::from_parts(mean, x_from, triangularize(lead, Mat::<T, N, 0>::zero(), Mat::zero()));
+        let root = triangularize(lead, Mat::<T, N, 0>::zero(), Mat::zero());
+        if !(finite(&mean) && x_from.is_finite() && root.is_finite()) {
+            return Err(InformationError::NonFinite);
+        }
         self.replace(next)?;
-        Ok(step)
+        Ok(Backward::from_parts(mean, x_from, root))
     }
 
     /// How many combinations of the states are known well enough for a covariance of this precision.
@@ -242,7 +244,7 @@ impl<T: Scalar<Mask = bool>, const N: usize> Information<T, N> {
 }
 
 /// The rotation that turns (a, b) into (√(a² + b²), 0).
-fn rotation<T: Scalar<Mask = bool>>(a: T, b: T) -> (T, T) {
+fn rotation<T: Scalar>(a: T, b: T) -> (T, T) {
     let length = (a.sq() + b.sq()).sqrt();
     // Nothing to turn: a row that is zero here is passed on as it is.
     if b.abs().gt(T::of(0.0)) || !length.is_finite() {
@@ -269,7 +271,7 @@ fn norm<T: Scalar, const N: usize>(v: &[T; N]) -> T {
 }
 
 /// Φ⁻¹; `None` where Φ is singular to rounding.
-fn inverse<T: Scalar<Mask = bool>, const N: usize>(transition: &Mat<T, N, N>) -> Option<Mat<T, N, N>> {
+fn inverse<T: Scalar, const N: usize>(transition: &Mat<T, N, N>) -> Option<Mat<T, N, N>> {
     let inverse = Lu::of(transition)?.inverse();
     // ‖Φ‖·‖Φ⁻¹‖, each by its largest row sum, is how much an error may grow.
     let condition = largest_row(transition) * largest_row(&inverse);
@@ -277,7 +279,7 @@ fn inverse<T: Scalar<Mask = bool>, const N: usize>(transition: &Mat<T, N, N>) ->
 }
 
 /// The largest sum of the sizes of a row's entries.
-fn largest_row<T: Scalar<Mask = bool>, const N: usize>(matrix: &Mat<T, N, N>) -> T {
+fn largest_row<T: Scalar, const N: usize>(matrix: &Mat<T, N, N>) -> T {
     let mut largest = T::of(0.0);
     for row in &matrix.0 {
         let size = sum!(N, |j| row[j].abs());

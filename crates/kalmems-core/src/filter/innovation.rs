@@ -2,7 +2,7 @@
 
 use crate::linalg::Ldl;
 use crate::notation::{sum, vector};
-use crate::{Covariance, Mask, Scalar};
+use crate::{Covariance, Scalar};
 
 /// What a measurement said against its prediction.
 #[derive(Clone, Copy, Debug)]
@@ -14,7 +14,7 @@ pub struct Innovation<T: Scalar, const M: usize> {
     /// The normalised innovation squared rᵀ·S⁻¹·r: on average `M` if the filter is right.
     pub nis: T,
     /// Where the state was corrected: neither refused nor declined by a policy.
-    pub taken: T::Mask,
+    pub taken: bool,
     /// D of S = L·D·Lᵀ.
     pivots: [T; M],
 }
@@ -40,7 +40,7 @@ impl<T: Scalar, const M: usize> Innovation<T, M> {
         let zero = T::of(0.0);
         let mut positive = zero.is_finite();
         for pivot in &pivots {
-            positive = positive.and(pivot.gt(zero)).and(pivot.is_finite());
+            positive = positive & pivot.gt(zero) & pivot.is_finite();
         }
         Self { residual, covariance, nis, taken: positive, pivots }
     }

@@ -3,9 +3,9 @@
 use super::gaussian::{Refusal, WeighedMeasurement};
 use super::linearized::linearized_filter;
 use super::{Filter, Gaussian, Innovation, StateTransition};
-use crate::notation::{matrix, vector};
+use crate::notation::vector;
 use crate::update::Policy;
-use crate::{Covariance, FilterError, Mask, NumericMeasurement, NumericProcess, Scalar};
+use crate::{Covariance, FilterError, NumericMeasurement, NumericProcess, Scalar};
 
 /// The extended Kalman filter that linearises a measurement again where it leads: `STEPS` Gauss–Newton steps
 /// towards the most probable state given the prediction and the measurement.
@@ -70,16 +70,17 @@ impl<T: Scalar, const N: usize, const STEPS: usize> Filter<T, N> for IteratedEkf
         let WeighedMeasurement { mut innovation, mut gain, .. } = prior.weigh::<H, M>((y, &predicted), &h, r);
         let correction = prior.correction(&gain, &innovation.residual);
         let wanted = policy.take(&innovation, &correction);
-        let mut refused = Refusal { innovation: innovation.taken.not(), ..Refusal::of_measurement(y) };
-        if !wanted.and(refused.mask().not()).any() {
-            innovation.taken = wanted.and(refused.mask().not());
-            return refused.to_error().map(|()| innovation);
+        let mut refused = Refusal { innovation: !innovation.taken, ..Refusal::of_measurement(y) };
+        refused.to_error()?;
+        innovation.taken = wanted;
+        if !wanted {
+            return Ok(innovation);
         }
 
         let mut mean: [T; N] = vector!(|i| prior.mean[i] + correction.change[i]);
         let mut still = self.moves(&prior.mean, &mean);
         for _ in 1..STEPS {
-            if !still.any() {
+            if !still {
                 break;
             }
             let (at, jacobian) = measurement.linearized(&mean);
@@ -89,16 +90,15 @@ impl<T: Scalar, const N: usize, const STEPS: usize> Filter<T, N> for IteratedEkf
             let expected = vector!(|i| at[i] + moved[i]);
             let WeighedMeasurement { innovation: next_innovation, gain: next_gain, .. } =
                 prior.weigh::<H, M>((y, &expected), &jacobian, r);
-            refused.innovation = refused.innovation.or(still.and(next_innovation.taken.not()));
+            refused.innovation |= !next_innovation.taken;
             let change = prior.correction(&next_gain, &next_innovation.residual).change;
-            let next: [T; N] = vector!(|i| T::select(still, prior.mean[i] + change[i], mean[i]));
-            h = matrix!(|i, j| T::select(still, jacobian.0[i][j], h.0[i][j]));
-            gain = matrix!(|i, j| T::select(still, next_gain.0[i][j], gain.0[i][j]));
-            still = still.and(self.moves(&mean, &next));
+            let next: [T; N] = vector!(|i| prior.mean[i] + change[i]);
+            (h, gain) = (jacobian, next_gain);
+            still = self.moves(&mean, &next);
             mean = next;
         }
         let next = Gaussian { mean, covariance: prior.joseph::<H, M>(&gain, &h, r) };
-        innovation.taken = self.state.finish(&next, wanted, &refused)?;
+        self.state.accept(&next, refused)?;
         Ok(innovation)
     }
 }
@@ -106,12 +106,12 @@ impl<T: Scalar, const N: usize, const STEPS: usize> Filter<T, N> for IteratedEkf
 impl<T: Scalar, const N: usize, const STEPS: usize> IteratedEkf<T, N, STEPS> {
     /// Whether a step from one point to the next moved some state by more than the tolerance.
     #[inline(always)]
-    fn moves(&self, from: &[T; N], to: &[T; N]) -> T::Mask {
+    fn moves(&self, from: &[T; N], to: &[T; N]) -> bool {
         let square = self.tolerance.sq();
-        let mut moves = T::of(0.0).is_finite().not();
+        let mut moves = false;
         for i in 0..N {
             let variance = self.state.covariance.get(i, i);
-            moves = moves.or((to[i] - from[i]).sq().gt(square * variance));
+            moves |= (to[i] - from[i]).sq().gt(square * variance);
         }
         moves
     }

@@ -51,8 +51,8 @@ impl<T: Scalar, const N: usize> Kalman<T, N> {
         &mut self,
         process: &LinearProcess<T, N, U>,
         u: &[T; U],
-    ) -> Result<T::Mask, FilterError> {
-        self.state.propagate(process, u).map(|link| link.taken)
+    ) -> Result<(), FilterError> {
+        self.state.propagate(process, u).map(|_| ())
     }
 
     /// Corrects the state with a measurement `y` of noise covariance `r`.

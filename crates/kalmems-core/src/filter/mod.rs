@@ -40,8 +40,7 @@ use crate::update::{Always, Policy};
 
 /// What the nonlinear filters have in common, so that one loop over a recording serves them all.
 ///
-/// For one number a step is taken or refused; for several in lanes each lane takes or refuses it for itself.
-/// `Ok` says which lanes took it, `Err` that none did, and why.
+/// A step is taken, or refused with the reason, and the state is as it was then.
 ///
 /// ```
 /// use kalmems_core::{Covariance, Ekf, Filter, LinearMeasurement, Mat, SigmaPoints, Ukf};
@@ -72,14 +71,10 @@ pub trait Filter<T: Scalar, const N: usize> {
         u: &P::Input,
     ) -> Result<StateTransition<T, N>, FilterError>;
 
-    /// Moves the state by one step. Which lanes took it.
+    /// Moves the state by one step.
     #[inline(always)]
-    fn predict<P: NumericProcess<T, N>>(
-        &mut self,
-        process: &P,
-        u: &P::Input,
-    ) -> Result<T::Mask, FilterError> {
-        self.predict_linked(process, u).map(|link| link.taken)
+    fn predict<P: NumericProcess<T, N>>(&mut self, process: &P, u: &P::Input) -> Result<(), FilterError> {
+        self.predict_linked(process, u).map(|_| ())
     }
 
     /// Corrects the state with a measurement `y` of noise covariance `r`, where the policy takes it.
@@ -117,6 +112,4 @@ pub struct StateTransition<T: Scalar, const N: usize> {
     pub transition: Mat<T, N, N>,
     /// Ω.
     pub noise: Covariance<T, N>,
-    /// Which lanes took the step.
-    pub taken: T::Mask,
 }

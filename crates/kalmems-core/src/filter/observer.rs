@@ -137,7 +137,7 @@ pub struct Placement<T, const N: usize> {
 /// assert_eq!(placed.gain, Mat([[2.0], [5.0]]));
 /// # Ok::<(), kalmems_core::filter::ObserverError<f64>>(())
 /// ```
-pub fn place_poles<T: Scalar<Mask = bool>, const N: usize>(
+pub fn place_poles<T: Scalar, const N: usize>(
     a: &Mat<T, N, N>,
     h: &Mat<T, 1, N>,
     poles: &[Pole<T>],

@@ -5,7 +5,7 @@ use super::linearized::linearized_filter;
 use super::{Filter, Gaussian, Innovation, StateTransition};
 use crate::notation::{matrix, vector};
 use crate::update::Policy;
-use crate::{Covariance, FilterError, Mask, NumericMeasurement, NumericProcess, Scalar};
+use crate::{Covariance, FilterError, NumericMeasurement, NumericProcess, Scalar};
 
 /// The extended Kalman filter with consider states: uncertain parameters that no measurement corrects.
 ///
@@ -63,16 +63,17 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SchmidtEkf<T, N> {
         let gain = matrix!(|i, j| if self.considered[i] { T::of(0.0) } else { full.0[i][j] });
         let correction = self.state.correction(&gain, &innovation.residual);
         let wanted = policy.take(&innovation, &correction);
-        let refused = Refusal { innovation: innovation.taken.not(), ..Refusal::of_measurement(y) };
-        if !wanted.and(refused.mask().not()).any() {
-            innovation.taken = wanted.and(refused.mask().not());
-            return refused.to_error().map(|()| innovation);
+        let refused = Refusal { innovation: !innovation.taken, ..Refusal::of_measurement(y) };
+        refused.to_error()?;
+        innovation.taken = wanted;
+        if !wanted {
+            return Ok(innovation);
         }
         let next = Gaussian {
             mean: vector!(|i| self.state.mean[i] + correction.change[i]),
             covariance: self.state.joseph::<H, M>(&gain, &h, r),
         };
-        innovation.taken = self.state.finish(&next, wanted, &refused)?;
+        self.state.accept(&next, refused)?;
         Ok(innovation)
     }
 }

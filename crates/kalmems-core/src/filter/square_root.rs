@@ -7,7 +7,7 @@ use super::{Filter, Innovation, StateTransition};
 use crate::linalg::{Decorrelation, triangularize};
 use crate::notation::{matrix, sum};
 use crate::update::Policy;
-use crate::{Covariance, FilterError, Mask, Mat, NumericMeasurement, NumericProcess, Scalar};
+use crate::{Covariance, FilterError, Mat, NumericMeasurement, NumericProcess, Scalar};
 
 /// The extended Kalman filter that holds a factor of its covariance instead: P = S·Sᵀ, S lower triangular.
 ///
@@ -71,9 +71,8 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootEkf<T, N> {
         let moved =
             matrix!(|i, j| { sum!(N, |k| k >= j && P::links(i, k), |k| transition.0[i][k] * s.0[k][j]) });
         let factor = triangularize(moved, Mat::<T, N, 0>::zero(), *process.noise_added().root());
-        let every = T::of(0.0).is_finite();
-        let taken = self.state.take(&Factored { mean, factor }, every, &Refusal::none())?;
-        Ok(StateTransition { transition, noise: *process.noise_added().covariance(), taken })
+        self.state.take(&Factored { mean, factor }, Refusal::none())?;
+        Ok(StateTransition { transition, noise: *process.noise_added().covariance() })
     }
 
     #[inline(always)]
@@ -88,8 +87,8 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootEkf<T, N> {
         let s = &self.state.factor;
         let f = matrix!(|i, j| sum!(N, |k| k >= j && H::sees(i, k), |k| h.0[i][k] * s.0[k][j]));
         let apart = Decorrelation::of(r);
-        let refused = Refusal { innovation: apart.semidefinite.not(), ..Refusal::none() };
-        self.state.correct((y, &predicted), &f, sees::<T, H, N, M>, (r, &apart), policy, &refused)
+        let refused = Refusal { innovation: !apart.semidefinite, ..Refusal::none() };
+        self.state.correct((y, &predicted), &f, sees::<T, H, N, M>, (r, &apart), policy, refused)
     }
 }
 

@@ -9,7 +9,7 @@ use super::{Filter, Innovation, StateTransition};
 use crate::linalg::{Contraction, Decorrelation, inverse_times, times_inverse, triangularize};
 use crate::notation::{lower, matrix, sum, vector};
 use crate::update::Policy;
-use crate::{Covariance, FilterError, Mask, Mat, NumericMeasurement, NumericProcess, Scalar};
+use crate::{Covariance, FilterError, Mat, NumericMeasurement, NumericProcess, Scalar};
 
 /// The unscented Kalman filter that holds a factor of its covariance instead: P = S·Sᵀ, S lower triangular.
 ///
@@ -111,10 +111,10 @@ impl<T: Scalar, const N: usize> SquareRootUkf<T, N> {
         }
     }
 
-    /// Whether anything is taken away in any lane.
+    /// Whether anything is taken away.
     #[inline(always)]
     fn removes(&self) -> bool {
-        self.removed.gt(T::of(0.0)).any()
+        self.removed.gt(T::of(0.0))
     }
 }
 
@@ -136,7 +136,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
             // P − v·vᵀ = L·(I − z·zᵀ)·Lᵀ with z = L⁻¹·v, possible where zᵀ·z < 1.
             let z = inverse_times(&factor, &next.removed);
             let left = T::of(1.0) - sum!(N, |k| z[k].sq());
-            refused.covariance = left.gt(T::of(0.0)).not().and(next.finite());
+            refused.covariance = !left.gt(T::of(0.0)) & next.finite();
             factor = Contraction::new(z, left, |_| true).applied(factor, |_| true, |i, j| i >= j);
         }
 
@@ -144,11 +144,10 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
         let link = StateTransition {
             transition: times_inverse(&next.differences, &self.state.factor),
             noise: lower!(|i, k| next.bent(i, k) + noise.covariance().get(i, k)),
-            taken: T::of(0.0).is_finite(),
         };
         let state = Factored { mean: next.mean, factor };
-        let taken = self.state.take(&state, link.taken, &refused)?;
-        Ok(StateTransition { taken, ..link })
+        self.state.take(&state, refused)?;
+        Ok(link)
     }
 
     #[inline(always)]
@@ -165,8 +164,8 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
         let apart = Decorrelation::of(&noise);
         let own = Decorrelation::of(r).semidefinite;
         let refused = Refusal {
-            innovation: own.not(),
-            covariance: own.and(apart.semidefinite.not()).and(seen.finite()),
+            innovation: !own,
+            covariance: own && !apart.semidefinite & seen.finite(),
             ..Refusal::none()
         };
         self.state.correct(
@@ -175,7 +174,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for SquareRootUkf<T, N> {
             sees::<T, H, N, M>,
             (&noise, &apart),
             policy,
-            &refused,
+            refused,
         )
     }
 }
@@ -189,7 +188,7 @@ impl<T: Scalar, const N: usize, const K: usize> TransformedPoints<T, N, K> {
 
     /// Where the function was finite at every point.
     #[inline(always)]
-    fn finite(&self) -> T::Mask {
-        self.differences.is_finite().and(self.bends.is_finite())
+    fn finite(&self) -> bool {
+        self.differences.is_finite() & self.bends.is_finite()
     }
 }

@@ -6,7 +6,7 @@ use super::{Gaussian, Innovation};
 use crate::linalg::Lu;
 use crate::notation::{finite, matrix, sum, vector};
 use crate::riccati::{RiccatiError, discrete_lyapunov, discrete_riccati, kalman_gain};
-use crate::{Covariance, FilterError, Mask, Mat, NumericMeasurement, NumericProcess, Scalar};
+use crate::{Covariance, FilterError, Mat, NumericMeasurement, NumericProcess, Scalar};
 
 /// A linear, or linearised, system: what a constant gain is computed from.
 #[derive(Clone, Copy, Debug)]
@@ -81,7 +81,7 @@ pub struct FixedGain<T, const N: usize, const M: usize> {
     innovation: Covariance<T, M>,
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize, const M: usize> FixedGain<T, N, M> {
+impl<T: Scalar, const N: usize, const M: usize> FixedGain<T, N, M> {
     /// The gain in which the Kalman filter of this system settles: of all constant gains the one with the least
     /// variance of every state.
     pub fn steady_state(mean: [T; N], point: &OperatingPoint<T, N, M>) -> Result<Self, RiccatiError> {
@@ -123,7 +123,7 @@ impl<T: Scalar<Mask = bool>, const N: usize, const M: usize> FixedGain<T, N, M> 
     }
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize> FixedGain<T, N, 1> {
+impl<T: Scalar, const N: usize> FixedGain<T, N, 1> {
     /// A Luenberger observer: the gain that gives the error these `N` poles in the plane of z.
     ///
     /// The error of the prediction moves with F − L·H, L = F·K, and so does that of the correction with
@@ -191,11 +191,7 @@ impl<T: Scalar, const N: usize, const M: usize> FixedGain<T, N, M> {
 
     /// Moves the mean by one step: f(x, u).
     #[inline(always)]
-    pub fn predict<P: NumericProcess<T, N>>(
-        &mut self,
-        process: &P,
-        u: &P::Input,
-    ) -> Result<T::Mask, FilterError> {
+    pub fn predict<P: NumericProcess<T, N>>(&mut self, process: &P, u: &P::Input) -> Result<(), FilterError> {
         let next = process.moved(&self.mean, u);
         self.take(&next, Refusal::none)
     }
@@ -211,20 +207,20 @@ impl<T: Scalar, const N: usize, const M: usize> FixedGain<T, N, M> {
         // The factors, and the NIS, cost nothing where nobody looks at them.
         let (mut innovation, _) = Innovation::new(y, &predicted, self.innovation);
         let next = vector!(|i| self.mean[i] + sum!(M, |k| self.gain.0[i][k] * innovation.residual[k]));
-        innovation.taken = self.take(&next, || Refusal::of_measurement(y))?;
+        self.take(&next, || Refusal::of_measurement(y))?;
+        innovation.taken = true;
         Ok(innovation)
     }
 
-    /// Takes a mean where it is finite; which lanes took it. A measurement that is not finite makes a mean that
-    /// is not, so that its own check is left to where the reason is asked for.
+    /// Takes a mean where it is finite. A measurement that is not finite makes a mean that is not, so that its own check is left to where
+    /// the reason is asked for.
     #[inline(always)]
-    fn take(&mut self, next: &[T; N], reason: impl Fn() -> Refusal<T>) -> Result<T::Mask, FilterError> {
-        let finite = finite(next);
-        if !finite.any() {
-            Refusal { state: finite.not(), ..reason() }.to_error()?;
+    fn take(&mut self, next: &[T; N], reason: impl Fn() -> Refusal) -> Result<(), FilterError> {
+        if !finite(next) {
+            return Refusal { state: true, ..reason() }.to_error();
         }
-        self.mean = vector!(|i| T::select(finite, next[i], self.mean[i]));
-        Ok(finite)
+        self.mean = *next;
+        Ok(())
     }
 }
 

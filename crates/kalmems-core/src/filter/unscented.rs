@@ -7,7 +7,7 @@ use super::{Filter, Gaussian, Innovation, StateTransition};
 use crate::linalg::Ldl;
 use crate::notation::{lower, matrix, sum, vector};
 use crate::update::{Correction, Policy};
-use crate::{Cholesky, Covariance, FilterError, Mask, Mat, NumericMeasurement, NumericProcess, Scalar};
+use crate::{Cholesky, Covariance, FilterError, Mat, NumericMeasurement, NumericProcess, Scalar};
 
 /// The unscented Kalman filter with additive noise: sigma points through the models, no Jacobian.
 ///
@@ -42,7 +42,7 @@ impl<T: Scalar, const N: usize> Ukf<T, N> {
 
     /// How far the points lie out, and whether the covariance has a Cholesky factor.
     #[inline(always)]
-    fn offsets(&self) -> (Offsets<T, N>, T::Mask) {
+    fn offsets(&self) -> (Offsets<T, N>, bool) {
         let cholesky = Cholesky::of(&self.state.covariance);
         (self.weights.offsets(&cholesky.factor), cholesky.positive)
     }
@@ -67,7 +67,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
             mean,
             covariance: lower!(|i, k| self.weights.moment(&deviations, (i, k)) + q.get(i, k)),
         };
-        let taken = self.state.accept(&next, &Refusal { covariance: positive.not(), ..Refusal::none() })?;
+        self.state.accept(&next, Refusal { covariance: !positive, ..Refusal::none() })?;
 
         // The regression of the new state on the old: F = Cov(x′, x)·P⁻¹.
         let ldl = Ldl::of(&before);
@@ -78,7 +78,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         // would leave rounding of the size of P⁻ in place of a small Ω.
         let residuals = offsets.unexplained(&deviations, &transition);
         let noise = lower!(|i, k| self.weights.moment(&residuals, (i, k)) + q.get(i, k));
-        Ok(StateTransition { transition, noise, taken })
+        Ok(StateTransition { transition, noise })
     }
 
     /// The covariance is summed from the corrected points, P⁺ = Σ w·(δx − K·δy)(δx − K·δy)ᵀ + K·R·Kᵀ: the same
@@ -107,14 +107,12 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
             variance: vector!(|i| self.state.covariance.get(i, i)),
         };
         let wanted = policy.take(&innovation, &correction);
-        let refused = Refusal {
-            innovation: ldl.positive.not(),
-            covariance: positive.not(),
-            ..Refusal::of_measurement(y)
-        };
-        if !wanted.and(refused.mask().not()).any() {
-            innovation.taken = wanted.and(refused.mask().not());
-            return refused.to_error().map(|()| innovation);
+        let refused =
+            Refusal { innovation: !ldl.positive, covariance: !positive, ..Refusal::of_measurement(y) };
+        refused.to_error()?;
+        innovation.taken = wanted;
+        if !wanted {
+            return Ok(innovation);
         }
 
         let deviations = offsets.corrected(&seen, &gain);
@@ -125,7 +123,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
                 self.weights.moment(&deviations, (i, k)) + sum!(M, |l| kr.0[i][l] * gain.0[k][l])
             }),
         };
-        innovation.taken = self.state.finish(&next, wanted, &refused)?;
+        self.state.accept(&next, refused)?;
         Ok(innovation)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Mat, are_many, epsilon, triangularize};
 use crate::notation::{less, matrix, vector};
-use crate::{Covariance, Mask, Scalar};
+use crate::{Covariance, Scalar};
 
 /// P = L·Lᵀ with L lower triangular.
 #[derive(Clone, Copy, Debug)]
@@ -10,7 +10,7 @@ pub struct Cholesky<T: Scalar, const N: usize> {
     /// L; zeros above the diagonal. Not meaningful where `positive` is not set.
     pub factor: Mat<T, N, N>,
     /// Whether every pivot was positive and finite.
-    pub positive: T::Mask,
+    pub positive: bool,
 }
 
 impl<T: Scalar, const N: usize> Cholesky<T, N> {
@@ -21,7 +21,7 @@ impl<T: Scalar, const N: usize> Cholesky<T, N> {
         let mut positive = T::of(0.0).is_finite();
         for j in 0..N {
             let pivot = less!(covariance.get(j, j), j, |k| l.0[j][k].sq());
-            positive = positive.and(pivot.gt(T::of(0.0))).and(pivot.is_finite());
+            positive = positive & pivot.gt(T::of(0.0)) & pivot.is_finite();
             let root = pivot.sqrt();
             let recip = root.recip();
             l.0[j][j] = root;
@@ -76,8 +76,8 @@ impl<T: Scalar, const N: usize> Cholesky<T, N> {
             let mut open = most.gt(rounding);
             let mut chosen = [open; N];
             for i in 0..N {
-                chosen[i] = open.and(share[i].lt(most).not());
-                open = open.and(chosen[i].not());
+                chosen[i] = open & !share[i].lt(most);
+                open = open && !chosen[i];
             }
             // A row of zeros where none is chosen.
             let mut pivot = zero;
@@ -91,7 +91,7 @@ impl<T: Scalar, const N: usize> Cholesky<T, N> {
             root = matrix!(|i, j| T::select(chosen[j], column[i], root.0[i][j]));
             left = matrix!(|i, j| {
                 let rest = left.0[i][j] - column[i] * column[j];
-                T::select(chosen[i].or(chosen[j]), zero, rest)
+                T::select(chosen[i] | chosen[j], zero, rest)
             });
         }
         triangularize(root, Mat::<T, N, 0>::zero(), Mat::zero())

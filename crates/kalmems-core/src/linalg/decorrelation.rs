@@ -3,7 +3,7 @@
 use super::Mat;
 use super::ldl::UnitLower;
 use crate::notation::{matrix, sum, vector};
-use crate::{Covariance, Mask, Scalar};
+use crate::{Covariance, Scalar};
 
 /// R = L·D·Lᵀ with L unit lower triangular and D ≥ 0: the components of L⁻¹·y have uncorrelated noise of
 /// variances D.
@@ -16,7 +16,7 @@ pub(crate) struct Decorrelation<T: Scalar, const M: usize> {
     /// D.
     pub diagonal: [T; M],
     /// Whether R was positive semi-definite and finite; nothing else here means anything where not.
-    pub semidefinite: T::Mask,
+    pub semidefinite: bool,
 }
 
 impl<T: Scalar, const M: usize> Decorrelation<T, M> {
@@ -29,13 +29,13 @@ impl<T: Scalar, const M: usize> Decorrelation<T, M> {
         let mut semidefinite = zero.is_finite();
         for j in 0..M {
             d[j] = covariance.get(j, j) - sum!(j, |k| l.0[j][k].sq() * d[k]);
-            semidefinite = semidefinite.and(d[j].lt(zero).not()).and(d[j].is_finite());
+            semidefinite = semidefinite & !d[j].lt(zero) & d[j].is_finite();
             let positive = d[j].gt(zero);
             let recip = T::select(positive, d[j], T::of(1.0)).recip();
             for i in (j + 1)..M {
                 let entry = covariance.get(i, j) - sum!(j, |k| l.0[i][k] * l.0[j][k] * d[k]);
-                let nothing = entry.lt(zero).or(entry.gt(zero)).not();
-                semidefinite = semidefinite.and(positive.or(nothing)).and(entry.is_finite());
+                let nothing = !(entry.lt(zero) | entry.gt(zero));
+                semidefinite = semidefinite && (positive | nothing) & entry.is_finite();
                 l.0[i][j] = entry * recip;
             }
         }

@@ -2,7 +2,7 @@
 
 use super::Mat;
 use crate::notation::{less, sum};
-use crate::{Covariance, Mask, Scalar};
+use crate::{Covariance, Scalar};
 
 /// S = L·D·Lᵀ with L unit lower triangular and D diagonal.
 ///
@@ -15,7 +15,7 @@ pub struct Ldl<T: Scalar, const M: usize> {
     /// 1/D.
     pub(crate) recip: [T; M],
     /// Whether every entry of D was positive and finite; nothing else here means anything where not.
-    pub positive: T::Mask,
+    pub positive: bool,
 }
 
 /// A lower triangular matrix L with ones on its diagonal.
@@ -47,7 +47,7 @@ impl<T: Scalar, const M: usize> Ldl<T, M> {
             d[j] = less!(covariance.get(j, j), j, |k| l.0[j][k].sq() * d[k]);
             recip[j] = d[j].recip();
             // The reciprocal is positive where the pivot is and is not infinite: cheaper than a look at its bits.
-            positive = positive.and(d[j].gt(T::of(0.0))).and(recip[j].gt(T::of(0.0)));
+            positive = positive & d[j].gt(T::of(0.0)) & recip[j].gt(T::of(0.0));
             for i in (j + 1)..M {
                 l.0[i][j] = less!(covariance.get(i, j), j, |k| l.0[i][k] * l.0[j][k] * d[k]) * recip[j];
             }

@@ -22,7 +22,7 @@ pub struct Lu<T, const N: usize> {
     swapped: [[bool; N]; N],
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize> Lu<T, N> {
+impl<T: Scalar, const N: usize> Lu<T, N> {
     /// Factors a matrix; `None` where a pivot is zero or not finite.
     pub fn of(matrix: &Mat<T, N, N>) -> Option<Self> {
         let mut a = *matrix;

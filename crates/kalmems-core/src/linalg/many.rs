@@ -6,8 +6,7 @@
 use crate::Scalar;
 use crate::notation::{nothing, plus};
 
-/// Whether a matrix product of so many rows, terms of a sum and columns is one of those here. Lanes, which hold several numbers, dissolve into their callers:
-/// a function that is called has not the instructions that those have.
+/// Whether a matrix product of so many rows, terms of a sum and columns is one of those here; products of dual numbers dissolve into their callers.
 #[inline(always)]
 pub(crate) const fn are_many<T>(rows: usize, terms: usize, columns: usize) -> bool {
     size_of::<T>() <= size_of::<f64>() && rows * terms * columns > 6 * 6 * 6

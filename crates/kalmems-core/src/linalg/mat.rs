@@ -70,7 +70,7 @@ impl<T: Scalar, const R: usize, const C: usize> Mat<T, R, C> {
 
     /// Whether every entry is finite.
     #[inline(always)]
-    pub fn is_finite(&self) -> T::Mask {
+    pub fn is_finite(&self) -> bool {
         let mut zeros = Zeros::none();
         for row in &self.0 {
             zeros = zeros.with_all(row);

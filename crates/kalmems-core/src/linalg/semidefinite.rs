@@ -2,7 +2,7 @@
 
 use super::{Mat, are_many};
 use crate::notation::sum;
-use crate::{Covariance, Mask, Scalar};
+use crate::{Covariance, Scalar};
 
 /// P = L·Lᵀ with L lower triangular and zero columns where P is singular to rounding.
 ///
@@ -15,7 +15,7 @@ pub(crate) struct Semidefinite<T: Scalar, const N: usize> {
     /// L.
     pub root: Mat<T, N, N>,
     /// Where this is a covariance; L means nothing where not.
-    pub sound: T::Mask,
+    pub sound: bool,
 }
 
 /// The distance from 1 to the next number, of whatever precision `T` has.
@@ -54,14 +54,14 @@ impl<T: Scalar, const N: usize> Semidefinite<T, N> {
             let pivot = whole - sum!(j, |k| l.0[j][k].sq());
             let rounding = whole.abs() * tolerance;
             let usable = pivot.gt(rounding);
-            sound = sound.and(pivot.lt(-(whole.abs() * accumulated)).not());
+            sound &= !pivot.lt(-(whole.abs() * accumulated));
             let root = T::select(usable, pivot, zero).sqrt();
             let recip = T::select(usable, root, one).recip();
             l.0[j][j] = root;
             for i in (j + 1)..N {
                 let left = covariance.get(i, j) - sum!(j, |k| l.0[i][k] * l.0[j][k]);
-                let possible = left.sq().gt((whole * covariance.get(i, i)).twice()).not();
-                sound = sound.and(usable.or(possible));
+                let possible = !left.sq().gt((whole * covariance.get(i, i)).twice());
+                sound = sound && (usable | possible);
                 l.0[i][j] = T::select(usable, left * recip, zero);
             }
         }

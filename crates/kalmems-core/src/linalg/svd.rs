@@ -28,7 +28,7 @@ pub struct Svd<T, const C: usize> {
 /// Sweeps over all pairs before it stops. Convergence is quadratic: fewer than ten are the rule.
 const SWEEPS: usize = 60;
 
-impl<T: Scalar<Mask = bool>, const C: usize> Svd<T, C> {
+impl<T: Scalar, const C: usize> Svd<T, C> {
     /// Decomposes a matrix.
     pub fn of<const R: usize>(matrix: &Mat<T, R, C>) -> Self {
         const { assert!(R >= C, "a matrix needs at least as many rows as columns; transpose it") };
@@ -82,7 +82,7 @@ impl<T: Scalar<Mask = bool>, const C: usize> Svd<T, C> {
 
 /// c and s that make two columns with these squares and this product orthogonal, turning by 45° at most.
 #[inline(always)]
-fn rotation<T: Scalar<Mask = bool>>(pp: T, pq: T, qq: T) -> (T, T) {
+fn rotation<T: Scalar>(pp: T, pq: T, qq: T) -> (T, T) {
     let one = T::of(1.0);
     let cot2 = (qq - pp) / pq.twice();
     // tan = sign/(|cot2| + √(1 + cot2²)); a square that overflows makes tan zero, which it is.

@@ -1,9 +1,7 @@
 //! The inverse hyperbolic tangent.
 
 use super::Register;
-use super::constants::Constants;
 use super::ln::exponent;
-use crate::Mask;
 
 /// atanh x = ½·ln(u/v) with u = 1 + |x| and v = 1 − |x|, and the sign of x.
 ///
@@ -13,8 +11,8 @@ use crate::Mask;
 /// zero (where s = x) nor near one. ±∞ at ±1, not a number beyond.
 #[inline(always)]
 pub(crate) fn atanh<R: Register>(x: R) -> R {
-    let c = R::Float::ATANH;
-    let one = R::splat(R::Float::ONE);
+    let c = R::ATANH;
+    let one = R::ONE;
     let size = x.abs();
     let u = one + size;
     let u_rest = size - (u - one);
@@ -22,15 +20,15 @@ pub(crate) fn atanh<R: Register>(x: R) -> R {
     let v_rest = (one - v) - size;
 
     let ratio = u.minus_bits(v).plus_bits(one);
-    let power = ratio.and(R::splat(R::Float::INFINITY));
+    let power = ratio.and(R::INFINITY);
     let k = exponent(ratio);
     let scaled = v * power;
     let s = ((u - scaled) + (u_rest - v_rest * power)) / (u + scaled);
     let z = s * s;
-    let rest = s * z * c.tail.at(z, z * z) + k * R::splat(c.half_ln_2[1]);
-    let y = k * R::splat(c.half_ln_2[0]) + (s + rest);
+    let rest = s * z * c.tail.at(z, z * z) + k * c.half_ln_2[1];
+    let y = k * c.half_ln_2[0] + (s + rest);
 
-    let is_one = size.lt(R::splat(R::Float::TWO)).and(one.lt(size).not());
-    let outside = R::select(is_one, R::splat(R::Float::INFINITY), R::splat(R::Float::NAN));
+    let is_one = size.lt(R::TWO) & !one.lt(size);
+    let outside = R::select(is_one, R::INFINITY, R::NAN);
     R::select(size.lt(one), y, outside).xor(x.sign())
 }

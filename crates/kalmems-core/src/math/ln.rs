@@ -1,7 +1,6 @@
 //! The natural logarithm.
 
 use super::Register;
-use super::constants::Constants;
 
 /// ln x = k·ln 2 + ln m with x = 2ᵏ·m and m between √½ and √2.
 ///
@@ -9,33 +8,33 @@ use super::constants::Constants;
 /// −∞ at zero, not a number below.
 #[inline(always)]
 pub(crate) fn ln<R: Register>(x: R) -> R {
-    let c = R::Float::LN;
-    let zero = R::splat(R::Float::ZERO);
+    let c = R::LN;
+    let zero = R::ZERO;
     // Subnormal numbers are made normal first.
-    let small = x.lt(R::splat(R::Float::MIN_POSITIVE));
-    let scaled = R::select(small, x * R::splat(c.lift), x);
+    let small = x.lt(R::MIN_POSITIVE);
+    let scaled = R::select(small, x * c.lift, x);
     // √½ becomes 1, so that the exponent's bits are k plus the bias.
-    let moved = scaled.plus_bits(R::splat(c.one_minus_root_half));
-    let k = exponent(moved) - R::select(small, R::splat(c.lift_exponent), zero);
-    let m = moved.and(R::splat(c.mantissa)).plus_bits(R::splat(c.root_half));
+    let moved = scaled.plus_bits(c.one_minus_root_half);
+    let k = exponent(moved) - R::select(small, c.lift_exponent, zero);
+    let m = moved.and(c.mantissa).plus_bits(c.root_half);
 
-    let f = m - R::splat(R::Float::ONE);
-    let s = f / (f + R::splat(R::Float::TWO));
+    let f = m - R::ONE;
+    let s = f / (f + R::TWO);
     let z = s * s;
-    let series = R::Float::ATANH.tail.at(z, z * z) * z;
+    let series = R::ATANH.tail.at(z, z * z) * z;
     let shortfall = s * (f - (series + series));
-    let y = k * R::splat(c.ln_2[0]) - ((shortfall - k * R::splat(c.ln_2[1])) - f);
+    let y = k * c.ln_2[0] - ((shortfall - k * c.ln_2[1]) - f);
 
-    let below = R::select(x.lt(zero), R::splat(R::Float::NAN), -R::splat(R::Float::INFINITY));
+    let below = R::select(x.lt(zero), R::NAN, -R::INFINITY);
     let y = R::select(zero.lt(x), y, below);
     // +∞ is its own logarithm, and what is not a number stays so.
-    R::select(x.lt(R::splat(R::Float::INFINITY)), y, x)
+    R::select(x.lt(R::INFINITY), y, x)
 }
 
 /// The exponent of a positive number, as a number.
 #[inline(always)]
 pub(super) fn exponent<R: Register>(x: R) -> R {
-    let c = R::Float::LN;
+    let c = R::LN;
     // Below the bits of a power of two that has no fraction, an integer is added to it.
-    x.exponent_as_integer().plus_bits(R::splat(c.integers)) - R::splat(c.biased_integers)
+    x.exponent_as_integer().plus_bits(c.integers) - c.biased_integers
 }

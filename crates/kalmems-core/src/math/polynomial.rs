@@ -12,21 +12,21 @@ pub struct Polynomial<F: 'static> {
     pub odd: &'static [F],
 }
 
-impl<F: Copy> Polynomial<F> {
+impl<F: Register> Polynomial<F> {
     /// The value at `x`, whose square is given too.
     #[inline(always)]
-    pub fn at<R: Register<Float = F>>(&self, x: R, square: R) -> R {
+    pub fn at(&self, x: F, square: F) -> F {
         horner(self.even, square).mac(horner(self.odd, square), x)
     }
 }
 
 /// Horner's scheme.
 #[inline(always)]
-fn horner<R: Register>(coefficients: &[R::Float], x: R) -> R {
+fn horner<R: Register>(coefficients: &[R], x: R) -> R {
     let mut highest_first = coefficients.iter().rev();
-    let mut value = R::splat(highest_first.next().copied().unwrap_or_default());
+    let mut value = highest_first.next().copied().unwrap_or_default();
     for c in highest_first {
-        value = R::splat(*c).mac(value, x);
+        value = c.mac(value, x);
     }
     value
 }

@@ -2,7 +2,7 @@
 
 use super::stepper::{AsGiven, runge_kutta};
 use super::{Dynamics, LinearProcess, Nodes, Process, ProcessNoise, jacobian};
-use crate::{Covariance, Mask, Mat, NoiseDensity, Over, Scalar};
+use crate::{Covariance, Mat, NoiseDensity, Over, Scalar};
 use core::fmt;
 
 /// Why there is no process over this interval.
@@ -213,11 +213,11 @@ where
     /// Known already where it was made; computed the same way elsewhere.
     #[inline(always)]
     fn linearize(&self, x: &[T; N], (): &()) -> ([T; N], Mat<T, N, N>) {
-        let mut elsewhere = T::of(0.0).is_finite().not();
+        let mut elsewhere = false;
         for (x, from) in x.iter().zip(&self.from) {
-            elsewhere = elsewhere.or(x.lt(*from)).or(x.gt(*from)).or(x.is_finite().not());
+            elsewhere = elsewhere | x.lt(*from) | x.gt(*from) | !x.is_finite();
         }
-        if elsewhere.any() {
+        if elsewhere {
             let (to, transition, _) = self.linearized(x, &NoiseDensity::none());
             (to, transition)
         } else {
@@ -251,7 +251,7 @@ pub struct ContinuousLinear<T, const N: usize, const U: usize> {
     process: LinearProcess<T, N, U>,
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize, const U: usize> ContinuousLinear<T, N, U> {
+impl<T: Scalar, const N: usize, const U: usize> ContinuousLinear<T, N, U> {
     /// A, B and the noise.
     pub fn new(system: Mat<T, N, N>, input: Mat<T, N, U>, density: NoiseDensity<T, N>) -> Self {
         let process = LinearProcess::exact(&system, &input, &density, T::of(0.0));

@@ -29,7 +29,7 @@ pub struct EtdWeights<T, const N: usize> {
     pub bend_of_end: Mat<T, N, N>,
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize> EtdWeights<T, N> {
+impl<T: Scalar, const N: usize> EtdWeights<T, N> {
     /// For a step of `interval` seconds, which may be negative.
     pub fn new(linear: Mat<T, N, N>, interval: T) -> Self {
         let half = phi_functions(&linear, interval.half());
@@ -135,7 +135,7 @@ pub struct Etdrk4<D, T, const N: usize> {
     noise: ProcessNoise<T, N>,
 }
 
-impl<T: Scalar<Mask = bool>, D: Dynamics<T, N>, const N: usize> Etdrk4<D, T, N> {
+impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Etdrk4<D, T, N> {
     /// Steps of `interval` seconds, with the linear part and the noise of the dynamics linearised `at` a state and an input.
     #[inline(always)]
     pub fn new(dynamics: D, interval: T, density: &NoiseDensity<T, N>, at: (&[T; N], &D::Input)) -> Self {

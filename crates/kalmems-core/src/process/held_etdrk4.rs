@@ -22,7 +22,7 @@ use crate::{NoiseDensity, Over, Scalar};
 #[derive(Clone, Copy, Debug)]
 pub struct HeldEtdrk4<D, T, const N: usize>(Etdrk4<D, T, N>);
 
-impl<T: Scalar<Mask = bool>, D: Dynamics<T, N>, const N: usize> HeldEtdrk4<D, T, N> {
+impl<T: Scalar, D: Dynamics<T, N>, const N: usize> HeldEtdrk4<D, T, N> {
     /// Steps of `interval` seconds, linearised `at` a state and an input.
     pub fn new(dynamics: D, interval: T, density: &NoiseDensity<T, N>, at: (&[T; N], &D::Input)) -> Self {
         Self(Etdrk4::new(dynamics, interval, density, at))

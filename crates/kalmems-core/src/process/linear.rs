@@ -16,7 +16,7 @@ pub struct LinearProcess<T, const N: usize, const U: usize> {
     pub noise: ProcessNoise<T, N>,
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize, const U: usize> LinearProcess<T, N, U> {
+impl<T: Scalar, const N: usize, const U: usize> LinearProcess<T, N, U> {
     /// The exact step of ẋ = A·x + B·u + w over one interval with a held input. Where the input is sampled from
     /// a smooth one, give the mean of both ends.
     pub fn exact(a: &Mat<T, N, N>, b: &Mat<T, N, U>, density: &NoiseDensity<T, N>, interval: T) -> Self {

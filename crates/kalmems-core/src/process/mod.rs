@@ -115,9 +115,6 @@ pub trait Process<T: Scalar, const N: usize> {
 }
 
 /// The value and the Jacobian of a function at `x`, by dual numbers.
-///
-/// For a large function in lanes rather use [`Dual::variables`] and [`derivatives`]: a closure cannot be marked for
-/// inlining.
 #[inline(always)]
 pub fn jacobian<T: Scalar, const N: usize, const M: usize>(
     x: &[T; N],

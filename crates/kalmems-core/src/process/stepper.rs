@@ -60,7 +60,7 @@ pub struct Rk4<D, T, const N: usize> {
     noise: ProcessNoise<T, N>,
 }
 
-impl<T: Scalar<Mask = bool>, D: Dynamics<T, N>, const N: usize> Rk4<D, T, N> {
+impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Rk4<D, T, N> {
     /// Steps of `interval` seconds, the noise linearised `at` a state and an input.
     #[inline(always)]
     pub fn new(dynamics: D, interval: T, density: &NoiseDensity<T, N>, at: (&[T; N], &D::Input)) -> Self {
@@ -70,7 +70,7 @@ impl<T: Scalar<Mask = bool>, D: Dynamics<T, N>, const N: usize> Rk4<D, T, N> {
 }
 
 impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Rk4<D, T, N> {
-    /// Steps of `interval` seconds with this noise per step: in lanes, what [`Rk4::new`] found for each device.
+    /// Steps of `interval` seconds with this noise per step.
     #[inline(always)]
     pub fn with_noise(dynamics: D, interval: T, noise: ProcessNoise<T, N>) -> Self {
         Self { dynamics, interval, noise }

@@ -1,8 +1,8 @@
 //! The backward step of Rauch, Tung and Striebel, in square-root form.
 
 use crate::linalg::{Semidefinite, epsilon, reduced, times_inverse, triangularize};
-use crate::notation::{finite, lower, matrix, sum, vector};
-use crate::{Covariance, FilterError, Gaussian, Mask, Mat, Scalar, StateTransition};
+use crate::notation::{lower, sum, vector};
+use crate::{Covariance, FilterError, Gaussian, Mat, Scalar, StateTransition};
 
 /// A Gaussian over a state, given measurements before and after it. The covariance is held as a factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,8 +11,6 @@ pub struct Smoothed<T: Scalar, const N: usize> {
     pub mean: [T; N],
     /// The lower triangular L of its covariance L·Lᵀ.
     pub root: Mat<T, N, N>,
-    /// Which lanes mean anything: those whose covariances were positive semi-definite all along.
-    pub sound: T::Mask,
 }
 
 impl<T: Scalar, const N: usize> Smoothed<T, N> {
@@ -26,8 +24,10 @@ impl<T: Scalar, const N: usize> Smoothed<T, N> {
         let covariance = &filtered.covariance;
         let magnitude: [T; N] = vector!(|i| filtered.mean[i].abs());
         let factors = Semidefinite::of(&floored(covariance, covariance, &magnitude));
-        let newest = Self { mean: filtered.mean, root: factors.root, sound: factors.sound };
-        if newest.sound.any() { Ok(newest) } else { Err(FilterError::CovarianceNotPositive) }
+        if !factors.sound {
+            return Err(FilterError::CovarianceNotPositive);
+        }
+        Ok(Self { mean: filtered.mean, root: factors.root })
     }
 
     /// L·Lᵀ.
@@ -125,29 +125,22 @@ pub struct Backward<T: Scalar, const N: usize> {
     predicted: [T; N],
     /// Z.
     root: Mat<T, N, N>,
-    sound: T::Mask,
 }
 
 impl<T: Scalar, const N: usize> Backward<T, N> {
     /// The earlier state is the later one: what a step that was not taken leaves.
     #[inline(always)]
     pub fn identity() -> Self {
-        Self {
-            mean: [T::of(0.0); N],
-            gain: Mat::identity(),
-            predicted: [T::of(0.0); N],
-            root: Mat::zero(),
-            sound: T::of(0.0).is_finite(),
-        }
+        Self { mean: [T::of(0.0); N], gain: Mat::identity(), predicted: [T::of(0.0); N], root: Mat::zero() }
     }
 
     /// One step of a filter, from its state before the prediction, the link, and the predicted mean.
     ///
-    /// Lanes that did not take the prediction get the identity. A variance of P or Ω that is zero to rounding
+    /// A variance of P or Ω that is zero to rounding
     /// counts as zero: one that the states before it explain but for 8·N·ε of it. Refused with
-    /// [`FilterError::CovarianceNotPositive`] where in every lane P or Ω has a negative variance in some
+    /// [`FilterError::CovarianceNotPositive`] where P or Ω has a negative variance in some
     /// direction (sigma points with a negative weight in the centre can leave such an Ω), and with
-    /// [`FilterError::NonFiniteState`] where the step is finite in no lane.
+    /// [`FilterError::NonFiniteState`] where the step is not finite.
     #[inline(always)]
     pub fn new(
         before: &Gaussian<T, N>,
@@ -168,34 +161,19 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
         // G·X = Y; a column of zeros asks for nothing.
         let gain = times_inverse(&y, &x);
 
-        let taken = link.taken;
-        let identity = Self::identity();
-        let covariances = state.sound.and(noise.sound).or(taken.not());
-        let numbers = gain.is_finite().and(root.is_finite()).or(taken.not());
-        let either =
-            |yes: &Mat<T, N, N>, no: &Mat<T, N, N>| matrix!(|i, j| T::select(taken, yes.0[i][j], no.0[i][j]));
-        let step = Self {
-            mean: before.mean,
-            gain: either(&gain, &identity.gain),
-            // Where it was not taken, before and after are one.
-            predicted: *predicted,
-            root: either(&root, &identity.root),
-            sound: covariances.and(numbers),
-        };
-        if step.sound.any() {
-            Ok(step)
-        } else if covariances.any() {
-            Err(FilterError::NonFiniteState)
-        } else {
-            Err(FilterError::CovarianceNotPositive)
+        if !(state.sound && noise.sound) {
+            return Err(FilterError::CovarianceNotPositive);
         }
+        if !(gain.is_finite() && root.is_finite()) {
+            return Err(FilterError::NonFiniteState);
+        }
+        Ok(Self { mean: before.mean, gain, predicted: *predicted, root })
     }
 
     /// x = m + G·x⁺ + e with e ~ N(0, Z·Zᵀ), from what an information filter knows.
     #[inline(always)]
     pub(crate) fn from_parts(mean: [T; N], gain: Mat<T, N, N>, root: Mat<T, N, N>) -> Self {
-        let sound = finite(&mean).and(gain.is_finite()).and(root.is_finite());
-        Self { mean, gain, predicted: [T::of(0.0); N], root, sound }
+        Self { mean, gain, predicted: [T::of(0.0); N], root }
     }
 
     /// The earlier state, from the later one as smoothed.
@@ -205,7 +183,6 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
         Smoothed {
             mean: self.mean_given(&later.mean),
             root: triangularize(self.gain.times(&later.root), Mat::<T, N, 0>::zero(), self.root),
-            sound: self.sound.and(later.sound),
         }
     }
 
@@ -218,7 +195,6 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
             gain: self.gain.times(&later.gain),
             predicted: later.predicted,
             root: triangularize(self.gain.times(&later.root), Mat::<T, N, 0>::zero(), self.root),
-            sound: self.sound.and(later.sound),
         }
     }
 

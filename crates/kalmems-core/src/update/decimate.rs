@@ -103,7 +103,7 @@ impl From<FilterError> for NotSteady {
     }
 }
 
-impl<T: Scalar<Mask = bool>, const N: usize> SteadyDecimation<T, N> {
+impl<T: Scalar, const N: usize> SteadyDecimation<T, N> {
     /// The corrections after which a recursion counts as not steady.
     pub const PERIODS: u32 = 1_000_000;
 

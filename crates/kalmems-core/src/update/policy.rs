@@ -1,6 +1,6 @@
 //! Policies: whether a correction that could be made is made.
 
-use crate::{Innovation, Mask, Scalar};
+use crate::{Innovation, Scalar};
 
 /// What a correction would do.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +31,7 @@ pub struct Correction<T, const N: usize> {
 /// ```
 pub trait Policy<T: Scalar, const N: usize> {
     /// Where to take it.
-    fn take<const M: usize>(&self, innovation: &Innovation<T, M>, correction: &Correction<T, N>) -> T::Mask;
+    fn take<const M: usize>(&self, innovation: &Innovation<T, M>, correction: &Correction<T, N>) -> bool;
 }
 
 /// Takes every correction.
@@ -40,7 +40,7 @@ pub struct Always;
 
 impl<T: Scalar, const N: usize> Policy<T, N> for Always {
     #[inline(always)]
-    fn take<const M: usize>(&self, _: &Innovation<T, M>, _: &Correction<T, N>) -> T::Mask {
+    fn take<const M: usize>(&self, _: &Innovation<T, M>, _: &Correction<T, N>) -> bool {
         T::of(0.0).is_finite()
     }
 }
@@ -57,8 +57,8 @@ pub struct Gate<T> {
 
 impl<T: Scalar, const N: usize> Policy<T, N> for Gate<T> {
     #[inline(always)]
-    fn take<const M: usize>(&self, innovation: &Innovation<T, M>, _: &Correction<T, N>) -> T::Mask {
-        innovation.nis.gt(self.nis).not()
+    fn take<const M: usize>(&self, innovation: &Innovation<T, M>, _: &Correction<T, N>) -> bool {
+        !innovation.nis.gt(self.nis)
     }
 }
 
@@ -75,11 +75,11 @@ pub struct OnNeed<T> {
 
 impl<T: Scalar, const N: usize> Policy<T, N> for OnNeed<T> {
     #[inline(always)]
-    fn take<const M: usize>(&self, _: &Innovation<T, M>, correction: &Correction<T, N>) -> T::Mask {
+    fn take<const M: usize>(&self, _: &Innovation<T, M>, correction: &Correction<T, N>) -> bool {
         let square = self.fraction.sq();
-        let mut needed = T::of(0.0).is_finite().not();
+        let mut needed = false;
         for (change, variance) in correction.change.iter().zip(&correction.variance) {
-            needed = needed.or(change.sq().lt(square * *variance).not());
+            needed |= !change.sq().lt(square * *variance);
         }
         needed
     }
@@ -87,7 +87,7 @@ impl<T: Scalar, const N: usize> Policy<T, N> for OnNeed<T> {
 
 impl<T: Scalar, A: Policy<T, N>, B: Policy<T, N>, const N: usize> Policy<T, N> for (A, B) {
     #[inline(always)]
-    fn take<const M: usize>(&self, innovation: &Innovation<T, M>, correction: &Correction<T, N>) -> T::Mask {
-        self.0.take(innovation, correction).and(self.1.take(innovation, correction))
+    fn take<const M: usize>(&self, innovation: &Innovation<T, M>, correction: &Correction<T, N>) -> bool {
+        self.0.take(innovation, correction) & self.1.take(innovation, correction)
     }
 }

@@ -1,9 +1,9 @@
 //! A vector measurement taken one number at a time.
 
-use super::{Always, Correction, Policy};
+use super::{Always, Policy};
 use crate::linalg::Ldl;
-use crate::notation::{lower, vector};
-use crate::{Covariance, Filter, FilterError, Innovation, Mask, Mat, Measurement, Over, Scalar};
+use crate::notation::{finite, lower, vector};
+use crate::{Covariance, Filter, FilterError, Innovation, Mat, Measurement, Over, Scalar};
 
 /// Takes the `M` components of a measurement one by one, each with one division and no matrix to factor.
 ///
@@ -61,31 +61,26 @@ pub trait Sequential<T: Scalar, const N: usize>: Filter<T, N> + Clone {
     ///
     /// What is absent may be anything in `y`, not a number as well; its rows and columns of `r` are not used.
     ///
-    /// One number: all that the policy takes is taken, or, with an error, nothing. In lanes: a lane with a
-    /// present component that is not finite, or an `r` that is not positive definite, takes nothing; a lane
-    /// whose state would become infinite at one component keeps those before it.
+    /// All that the policy takes is taken, or, with an error, nothing.
     #[inline(always)]
     fn update_present<H: Measurement<T, N, M>, const M: usize>(
         &mut self,
         measurement: &H,
         y: &[T; M],
-        present: [T::Mask; M],
+        present: [bool; M],
         r: &Covariance<T, M>,
         policy: &impl Policy<T, N>,
     ) -> Result<Sequence<T, M>, FilterError> {
-        let (zero, yes) = (T::of(0.0), T::of(0.0).is_finite());
-        let y: [T; M] = vector!(|i| T::select(present[i], y[i], zero));
-        let finite = y.iter().fold(yes, |finite, y| finite.and(y.is_finite()));
-        if !finite.any() {
+        let y: [T; M] = vector!(|i| T::select(present[i], y[i], T::of(0.0)));
+        if !finite(&y) {
             return Err(FilterError::NonFiniteMeasurement);
         }
         // An absent component becomes one of its own, uncorrelated with the others, and is then skipped.
         let noise = Ldl::of(&lower!(|i, j| {
             let alone = T::of(if i == j { 1.0 } else { 0.0 });
-            T::select(present[i].and(present[j]), r.get(i, j), alone)
+            T::select(present[i] & present[j], r.get(i, j), alone)
         }));
-        let usable = finite.and(noise.positive);
-        if !usable.any() {
+        if !noise.positive {
             return Err(FilterError::InnovationNotPositive);
         }
         let y = noise.decorrelate(&y);
@@ -95,14 +90,13 @@ pub trait Sequential<T: Scalar, const N: usize>: Filter<T, N> + Clone {
         let before = self.clone();
         let mut sequence = Sequence::none();
         for i in 0..M {
-            let wanted = usable.and(present[i]);
-            if !wanted.any() {
+            if !present[i] {
                 continue;
             }
             let component = Combination { measurement, weights: vector!(|k| inverse[k][i]) };
             let variance = Covariance::from_variances([noise.diagonal[i]]);
-            match self.update_where(&component, &[y[i]], &variance, &MaskedPolicy(wanted, policy)) {
-                Ok(innovation) => sequence.add(i, &innovation, wanted),
+            match self.update_where(&component, &[y[i]], &variance, policy) {
+                Ok(innovation) => sequence.add(i, &innovation),
                 Err(refused) => {
                     *self = before;
                     return Err(refused);
@@ -130,7 +124,7 @@ pub struct Sequence<T: Scalar, const M: usize> {
     /// The sum of residual²/variance: on average the number of components seen if the filter is right.
     pub nis: T,
     /// Where each component corrected the state: neither absent, refused, nor declined by a policy.
-    pub taken: [T::Mask; M],
+    pub taken: [bool; M],
     /// ln p(y | past) of the components seen, in the units of L⁻¹·y, whose volume is that of y.
     pub log_likelihood: T,
 }
@@ -141,14 +135,14 @@ impl<T: Scalar, const M: usize> Sequence<T, M> {
             residual: [T::of(0.0); M],
             variance: [T::of(1.0); M],
             nis: T::of(0.0),
-            taken: [T::of(0.0).is_finite().not(); M],
+            taken: [false; M],
             log_likelihood: T::of(0.0),
         }
     }
 
     #[inline(always)]
-    fn add(&mut self, i: usize, innovation: &Innovation<T, 1>, wanted: T::Mask) {
-        let seen = wanted.and(innovation.nis.is_finite());
+    fn add(&mut self, i: usize, innovation: &Innovation<T, 1>) {
+        let seen = innovation.nis.is_finite();
         let zero = T::of(0.0);
         self.residual[i] = T::select(seen, innovation.residual[0], zero);
         self.variance[i] = T::select(seen, innovation.covariance.get(0, 0), T::of(1.0));
@@ -171,7 +165,7 @@ impl<H, T: Scalar, const M: usize> Combination<'_, H, T, M> {
         let mut total = S::of(-0.0);
         for m in 0..M {
             let weight = self.weights[m];
-            if weight.gt(T::of(0.0)).or(weight.lt(T::of(0.0))).any() {
+            if weight.gt(T::of(0.0)) | weight.lt(T::of(0.0)) {
                 total = total + f(m) * weight;
             }
         }
@@ -197,15 +191,5 @@ impl<T: Scalar, H: Measurement<T, N, M>, const N: usize, const M: usize> Measure
     fn linearize(&self, x: &[T; N]) -> ([T; 1], Mat<T, 1, N>) {
         let (y, h) = self.measurement.linearize(x);
         ([self.sum(|m| y[m])], Mat([vector!(|j| self.sum(|m| h.0[m][j]))]))
-    }
-}
-
-/// What a policy takes, in these lanes alone.
-struct MaskedPolicy<'a, K, A>(K, &'a A);
-
-impl<T: Scalar, A: Policy<T, N>, const N: usize> Policy<T, N> for MaskedPolicy<'_, T::Mask, A> {
-    #[inline(always)]
-    fn take<const M: usize>(&self, innovation: &Innovation<T, M>, correction: &Correction<T, N>) -> T::Mask {
-        self.0.and(self.1.take(innovation, correction))
     }
 }

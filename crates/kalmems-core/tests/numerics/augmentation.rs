@@ -356,7 +356,7 @@ impl<T: Scalar> Dynamics<T, 1> for Decay<T> {
 }
 
 /// The rate of a decay that is in truth 1.3, by any filter and integrator and in either precision.
-fn rate_of_decay<T: Scalar<Mask = bool>, F: Filter<T, 2>, P: Process<T, 2>>(
+fn rate_of_decay<T: Scalar, F: Filter<T, 2>, P: Process<T, 2>>(
     mut filter: F,
     process: &P,
     input: &P::Input,
@@ -371,7 +371,7 @@ fn rate_of_decay<T: Scalar<Mask = bool>, F: Filter<T, 2>, P: Process<T, 2>>(
 }
 
 /// The decay with its rate as the second state.
-fn decay_with_rate<T: Scalar<Mask = bool>>() -> Augmented<Rk4<Decay<T>, T, 1>, T, 1, 1, 2> {
+fn decay_with_rate<T: Scalar>() -> Augmented<Rk4<Decay<T>, T, 1>, T, 1, 1, 2> {
     let noise = NoiseDensity::none();
     let decay = Rk4::new(Decay { rate: T::of(1.0) }, T::of(0.01), &noise, (&[T::of(1.0)], &()));
     let added = [AddedState { scale: T::of(0.5), drift: Drift::RandomWalk { density: T::of(0.0) } }];

@@ -19,10 +19,7 @@ fn kernel() -> SlopeKernel<f64, 60> {
     SlopeKernel::new(S).unwrap()
 }
 
-fn responses<T: Scalar<Mask = bool>, const HALF: usize>(
-    kernel: &SlopeKernel<T, HALF>,
-    signal: &[T],
-) -> Vec<T> {
+fn responses<T: Scalar, const HALF: usize>(kernel: &SlopeKernel<T, HALF>, signal: &[T]) -> Vec<T> {
     let mut out = vec![T::of(0.0); signal.len()];
     kernel.responses(signal, &mut out);
     out
@@ -34,7 +31,7 @@ fn edge(k: usize, time: f64, width: f64) -> f64 {
 }
 
 /// All that a stream finds, what is due after its end included.
-fn stream<T: Scalar<Mask = bool>, const HALF: usize, const REACH: usize, const MEMORY: usize>(
+fn stream<T: Scalar, const HALF: usize, const REACH: usize, const MEMORY: usize>(
     mut detector: Detector<T, HALF, REACH, MEMORY>,
     signal: &[T],
 ) -> Vec<Detection<T>> {

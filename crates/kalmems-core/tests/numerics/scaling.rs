@@ -283,7 +283,7 @@ struct Accelerometer<T> {
 }
 
 /// In states of these units, every number computed in f64 before it is rounded to `T`.
-fn accelerometer<T: Scalar<Mask = bool>>(units: &[f64; 4]) -> Accelerometer<T> {
+fn accelerometer<T: Scalar>(units: &[f64; 4]) -> Accelerometer<T> {
     let (w, damping) = (BANDWIDTH, 0.7);
     let a = [
         [0.0, 1.0, 0.0, 0.0],
@@ -302,7 +302,7 @@ fn accelerometer<T: Scalar<Mask = bool>>(units: &[f64; 4]) -> Accelerometer<T> {
     }
 }
 
-impl<T: Scalar<Mask = bool>> Accelerometer<T> {
+impl<T: Scalar> Accelerometer<T> {
     fn settled(&self) -> Result<FixedGain<T, 4, 1>, RiccatiError> {
         let zero = [T::of(0.0); 4];
         let point = OperatingPoint::of(&self.process, (&self.readout, self.noise), (&zero, &[]));

@@ -243,7 +243,6 @@ fn conditioned(course: &Linear) -> (DVector<f64>, DMatrix<f64>) {
 fn difference(smoothed: &[Smoothed<f64, 3>], batch: &(DVector<f64>, DMatrix<f64>)) -> f64 {
     let mut worst = 0.0_f64;
     for (k, s) in smoothed.iter().enumerate() {
-        assert!(s.sound);
         let mean = batch.0.fixed_rows::<3>(3 * k);
         let covariance = batch.1.fixed_view::<3, 3>(3 * k, 3 * k);
         let apart = (SVector::from(s.mean) - mean).amax() / mean.amax().max(1.0);

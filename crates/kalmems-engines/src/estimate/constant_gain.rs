@@ -85,7 +85,7 @@ impl<const N: usize> Filter<f64, N> for ConstantGain<N> {
         u: &P::Input,
     ) -> Result<StateTransition<f64, N>, FilterError> {
         self.mean = finite(process.moved(&self.mean, u))?;
-        Ok(StateTransition { transition: self.transition, noise: self.noise, taken: true })
+        Ok(StateTransition { transition: self.transition, noise: self.noise })
     }
 
     fn update_where<H: NumericMeasurement<f64, N, M>, const M: usize>(

@@ -255,7 +255,7 @@ mod tests {
 
         fn link(&self) -> StateTransition<f64, 2> {
             let noise = Covariance::from_variances([self.process; 2]);
-            StateTransition { transition: Mat(self.transition), noise, taken: true }
+            StateTransition { transition: Mat(self.transition), noise }
         }
     }
 
@@ -292,7 +292,7 @@ mod tests {
             p = before * remains;
             let [before, after] = [before, p].map(|p| Covariance::from_variances([p]));
             let noise = Covariance::from_variances([q]);
-            let link = StateTransition { transition: Mat([[1.0]]), noise, taken: true };
+            let link = StateTransition { transition: Mat([[1.0]]), noise };
             spans.extend(memory.take(f64::from(k) * INTERVAL_S, Some(&link), (Some(&before), &after)));
         }
         let square = remains * remains;
@@ -342,11 +342,8 @@ mod tests {
         // Two states that are never told apart, nor read: no process noise, no decay.
         let mut memory = ErrorMemory::<2>::new();
         let covariance = Covariance::from_variances([1.0, 4.0]);
-        let link = StateTransition {
-            transition: Mat::identity(),
-            noise: Covariance::from_variances([0.0; 2]),
-            taken: true,
-        };
+        let link =
+            StateTransition { transition: Mat::identity(), noise: Covariance::from_variances([0.0; 2]) };
         for k in 0..5000 {
             let span = memory.take(f64::from(k) * INTERVAL_S, Some(&link), (Some(&covariance), &covariance));
             assert_eq!(span, None);
@@ -363,7 +360,6 @@ mod tests {
         let link = StateTransition {
             transition: Mat([[decay, 0.0], [decay * part, 0.0]]),
             noise: Covariance::from_variances([0.0; 2]),
-            taken: true,
         };
         let mut spans = Vec::new();
         for k in 0..5000 {

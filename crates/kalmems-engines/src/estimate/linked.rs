@@ -138,7 +138,6 @@ impl<const N: usize> Filtering for LinkedFilter<N> {
             Some(first) => StateTransition {
                 transition: link.transition.times(&first.transition),
                 noise: first.noise.transformed(&link.transition).plus(&link.noise),
-                taken: first.taken && link.taken,
             },
         });
         Ok(())

@@ -40,7 +40,7 @@ impl<const N: usize> Filter<f64, N> for ModelAlone<N> {
             return Err(FilterError::NonFiniteState);
         }
         self.mean = next;
-        Ok(StateTransition { transition, noise: Covariance::zero(), taken: true })
+        Ok(StateTransition { transition, noise: Covariance::zero() })
     }
 
     fn update_where<H: NumericMeasurement<f64, N, M>, const M: usize>(

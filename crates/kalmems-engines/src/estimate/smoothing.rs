@@ -340,7 +340,7 @@ impl SmoothingBreaks {
 
 /// A step from which nothing passes to the state before it.
 fn apart<const N: usize>(filter: &LinkedFilter<N>) -> StateTransition<f64, N> {
-    StateTransition { transition: Mat::zero(), noise: filter.gaussian().covariance, taken: true }
+    StateTransition { transition: Mat::zero(), noise: filter.gaussian().covariance }
 }
 
 /// How the filter went: what its smoother has to do likewise.

@@ -42,5 +42,5 @@ pub use simulator::Simulator;
 pub use slow_flow::{LoopMargins, RegulatedMotion};
 pub use source::drive_of;
 pub use stability::{Stability, starting_factor};
-pub use stability_map::{SideBySide, StabilityMap};
+pub use stability_map::StabilityMap;
 pub use waveform::PeriodStep;

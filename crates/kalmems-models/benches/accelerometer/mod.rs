@@ -44,7 +44,7 @@ fn instrument<T: Scalar>() -> (SensedAcceleration<T>, DifferentialReadout<T>) {
     (SensedAcceleration { device, prior }, readout)
 }
 
-impl<T: Scalar<Mask = bool>> Sensed<T> {
+impl<T: Scalar> Sensed<T> {
     /// With a signal of `length` samples: noise, as at rest. Gain and linear step are computed in `f64`, as before a run.
     pub fn simulated(length: usize) -> Self {
         let (sensed, readout) = instrument::<f64>();

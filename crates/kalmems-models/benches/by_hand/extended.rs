@@ -13,7 +13,7 @@ pub struct Extended<T> {
     innovations: Innovations<T>,
 }
 
-impl<T: Scalar<Mask = bool>> Extended<T> {
+impl<T: Scalar> Extended<T> {
     pub fn new(system: &System<T>) -> Self {
         let q = &system.process_noise;
         Self {

@@ -27,7 +27,7 @@ pub struct FixedGain<T> {
     innovations: Innovations<T>,
 }
 
-impl<T: Scalar<Mask = bool>> FixedGain<T> {
+impl<T: Scalar> FixedGain<T> {
     /// With the gain and the covariances that the library finds, since neither costs anything per sample.
     pub fn new(system: &System<T>) -> Self {
         let process = system.resonator();

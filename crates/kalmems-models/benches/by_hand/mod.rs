@@ -33,7 +33,7 @@ struct Readout<T> {
     variance: T,
 }
 
-impl<T: Scalar<Mask = bool>> Readout<T> {
+impl<T: Scalar> Readout<T> {
     fn of(system: &System<T>) -> Self {
         let comb = &system.readout.comb;
         let exponent = -comb.angular_width.sq().recip();
@@ -71,7 +71,7 @@ struct State<T> {
     p11: T,
 }
 
-impl<T: Scalar<Mask = bool>> State<T> {
+impl<T: Scalar> State<T> {
     fn start(system: &System<T>) -> Self {
         let [angle, rate] = system.start_mean;
         let p = &system.start_covariance;

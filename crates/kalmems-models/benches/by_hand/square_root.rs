@@ -24,7 +24,7 @@ struct Factor<T> {
     s11: T,
 }
 
-impl<T: Scalar<Mask = bool>> Factor<T> {
+impl<T: Scalar> Factor<T> {
     /// Itself, if it is finite.
     #[inline(always)]
     fn checked(self) -> Result<Self, FilterError> {
@@ -37,7 +37,7 @@ impl<T: Scalar<Mask = bool>> Factor<T> {
     }
 }
 
-impl<T: Scalar<Mask = bool>> SquareRoot<T> {
+impl<T: Scalar> SquareRoot<T> {
     pub fn new(system: &System<T>) -> Self {
         let s = Cholesky::of_semidefinite(&system.start_covariance);
         let w = Cholesky::of_semidefinite(&system.process_noise);
@@ -130,7 +130,7 @@ impl<T: Scalar<Mask = bool>> SquareRoot<T> {
 
 /// The cosine and sine that turn (a, b) into (length, 0); where that is zero, nothing is turned.
 #[inline(always)]
-fn rotation<T: Scalar<Mask = bool>>(a: T, b: T, length: T) -> (T, T) {
+fn rotation<T: Scalar>(a: T, b: T, length: T) -> (T, T) {
     if length.gt(T::of(0.0)) {
         let recip = length.recip();
         (a * recip, b * recip)

@@ -25,7 +25,7 @@ struct Offsets<T> {
     second: T,
 }
 
-impl<T: Scalar<Mask = bool>> Unscented<T> {
+impl<T: Scalar> Unscented<T> {
     pub fn new(system: &System<T>) -> Self {
         let q = &system.process_noise;
         Self {

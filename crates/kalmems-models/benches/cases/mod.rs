@@ -50,7 +50,7 @@ const SQUARE_ROOT: f64 = 1.10;
 const FIXED_GAIN: f64 = 1.03;
 
 /// The generic filters against the ones by hand; `extended` is the bound of the generic extended filter.
-pub fn comparisons<T: Scalar<Mask = bool>>(extended: f64) -> Vec<Comparison<T>> {
+pub fn comparisons<T: Scalar>(extended: f64) -> Vec<Comparison<T>> {
     let mut all = extended_filters(extended);
     all.extend(unscented_filters());
     all.extend(square_root_filters());
@@ -59,7 +59,7 @@ pub fn comparisons<T: Scalar<Mask = bool>>(extended: f64) -> Vec<Comparison<T>> 
 }
 
 /// What more states cost.
-pub fn more_states<T: Scalar<Mask = bool>>() -> Comparison<T> {
+pub fn more_states<T: Scalar>() -> Comparison<T> {
     Comparison {
         name: "EKF, Runge–Kutta, states",
         first: "2 states",
@@ -72,7 +72,7 @@ fn case<T>(name: &'static str, run: Run<T>, bound: f64) -> Case<T> {
     Case { name, run, bound }
 }
 
-fn extended_filters<T: Scalar<Mask = bool>>(bound: f64) -> Vec<Comparison<T>> {
+fn extended_filters<T: Scalar>(bound: f64) -> Vec<Comparison<T>> {
     vec![
         Comparison {
             name: "EKF, Euler",
@@ -114,7 +114,7 @@ fn extended_filters<T: Scalar<Mask = bool>>(bound: f64) -> Vec<Comparison<T>> {
     ]
 }
 
-fn unscented_filters<T: Scalar<Mask = bool>>() -> Vec<Comparison<T>> {
+fn unscented_filters<T: Scalar>() -> Vec<Comparison<T>> {
     vec![
         Comparison {
             name: "UKF, Euler",
@@ -145,7 +145,7 @@ fn unscented_filters<T: Scalar<Mask = bool>>() -> Vec<Comparison<T>> {
     ]
 }
 
-fn square_root_filters<T: Scalar<Mask = bool>>() -> Vec<Comparison<T>> {
+fn square_root_filters<T: Scalar>() -> Vec<Comparison<T>> {
     vec![
         Comparison {
             name: "SR-EKF, Euler",
@@ -192,7 +192,7 @@ fn square_root_filters<T: Scalar<Mask = bool>>() -> Vec<Comparison<T>> {
 }
 
 /// The filter with a constant gain, in the same operations as the one by hand.
-pub fn fixed_gain_filters<T: Scalar<Mask = bool>>() -> Comparison<T> {
+pub fn fixed_gain_filters<T: Scalar>() -> Comparison<T> {
     Comparison {
         name: "Fixed gain, exact",
         first: BY_HAND,
@@ -222,7 +222,7 @@ fn square_root<T: Scalar>(system: &System<T>) -> SquareRootEkf<T, 2> {
 
 /// The filter with a constant gain, through the public interface.
 #[inline(always)]
-fn fixed_gain<T: Scalar<Mask = bool>>(system: &System<T>) -> Result<Outcome<T>, FilterError> {
+fn fixed_gain<T: Scalar>(system: &System<T>) -> Result<Outcome<T>, FilterError> {
     let (mut filter, process) = (system.settled(), system.resonator());
     let mut innovations = Innovations::none();
     for sample in &system.held {
@@ -240,7 +240,7 @@ fn fixed_gain<T: Scalar<Mask = bool>>(system: &System<T>) -> Result<Outcome<T>, 
 
 /// Any filter, through the public interface.
 #[inline(always)]
-pub fn follow<T: Scalar<Mask = bool>, P: Process<T, 2>>(
+pub fn follow<T: Scalar, P: Process<T, 2>>(
     filter: impl Filter<T, 2>,
     system: &System<T>,
     process: &P,
@@ -250,7 +250,7 @@ pub fn follow<T: Scalar<Mask = bool>, P: Process<T, 2>>(
 }
 
 /// The extended filter by Runge–Kutta with stiffness, gain and offset as states beside angle and rate.
-fn five_states<T: Scalar<Mask = bool>>(system: &System<T>) -> Result<Outcome<T>, FilterError> {
+fn five_states<T: Scalar>(system: &System<T>) -> Result<Outcome<T>, FilterError> {
     let of = |value: f64| T::of(value);
     let drift = Drift::RandomWalk { density: of(1e-8) };
     let (stiffness, gain) = (system.scanner.resonator.stiffness, system.readout.gain);
@@ -271,7 +271,7 @@ fn five_states<T: Scalar<Mask = bool>>(system: &System<T>) -> Result<Outcome<T>,
 }
 
 #[inline(always)]
-fn follow_states<T: Scalar<Mask = bool>, P: Process<T, N>, const N: usize>(
+fn follow_states<T: Scalar, P: Process<T, N>, const N: usize>(
     mut filter: impl Filter<T, N>,
     system: &System<T>,
     process: &P,

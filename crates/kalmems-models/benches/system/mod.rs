@@ -52,7 +52,7 @@ pub struct System<T> {
     pub held: Vec<HeldSample<T>>,
 }
 
-impl<T: Scalar<Mask = bool>> System<T> {
+impl<T: Scalar> System<T> {
     /// With a simulated signal of `length` samples.
     pub fn simulated(length: usize) -> Self {
         let (samples, held) =

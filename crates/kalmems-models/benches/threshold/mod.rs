@@ -31,7 +31,7 @@ pub struct FreeDecay<T> {
 /// A filter over the whole signal; the last angle and how many crossings were used.
 pub type Run<T> = fn(&FreeDecay<T>) -> Result<(T, usize), FilterError>;
 
-impl<T: Scalar<Mask = bool>> FreeDecay<T> {
+impl<T: Scalar> FreeDecay<T> {
     /// With a signal of `length` samples.
     pub fn simulated(length: usize) -> Self {
         let of = |value: f64| T::of(black_box(value));

@@ -73,7 +73,7 @@ impl<P: Scalar> DifferentialPlates<P> {
     }
 }
 
-impl<P: Scalar<Mask = bool>> DifferentialPlates<P> {
+impl<P: Scalar> DifferentialPlates<P> {
     /// The plate that is touched at x, where stops end the motion at this share of the gap; `None` in between.
     ///
     /// ```

@@ -147,7 +147,7 @@ impl<P: Scalar> TiltingPlate<P> {
     }
 }
 
-impl<P: Scalar<Mask = bool>> TiltingPlate<P> {
+impl<P: Scalar> TiltingPlate<P> {
     /// [`capacitance_of_both`](Self::capacitance_of_both) where the plates are apart.
     ///
     /// # Errors

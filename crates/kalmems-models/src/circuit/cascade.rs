@@ -62,7 +62,7 @@ pub struct SampledCascade<P> {
     sections: [Option<SampledSection<P>>; 4],
 }
 
-impl<P: Scalar<Mask = bool>> SampledCascade<P> {
+impl<P: Scalar> SampledCascade<P> {
     /// At rest with an input of 0.
     pub fn new(cascade: &Cascade<P>, interval: P) -> Self {
         let mut sections = [None; 4];

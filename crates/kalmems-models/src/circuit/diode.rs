@@ -59,7 +59,7 @@ pub struct SampledDiode<P> {
     output: P,
 }
 
-impl<P: Scalar<Mask = bool>> SampledDiode<P> {
+impl<P: Scalar> SampledDiode<P> {
     /// At rest with an input of 0.
     pub fn new(diode: DiodeEnvelope<P>, interval: P) -> Self {
         Self { diode, interval, input: P::of(0.0), output: P::of(0.0) }

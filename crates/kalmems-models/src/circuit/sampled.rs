@@ -28,7 +28,7 @@ pub struct SampledSection<P> {
     last: [P; 2],
 }
 
-impl<P: Scalar<Mask = bool>> SampledSection<P> {
+impl<P: Scalar> SampledSection<P> {
     /// At rest with an input of 0.
     pub fn new(section: &Section<P>, interval: P) -> Self {
         let (a, b, output, direct) = section.state_space();

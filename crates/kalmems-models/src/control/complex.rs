@@ -36,7 +36,7 @@ impl<P: Scalar> Complex<P> {
     }
 }
 
-impl<P: Scalar<Mask = bool>> Complex<P> {
+impl<P: Scalar> Complex<P> {
     /// The angle in rad, from −π to π; 0 of 0.
     ///
     /// ```

@@ -27,7 +27,7 @@ pub struct Oscillator<P> {
     pub phase: P,
 }
 
-impl<P: Scalar<Mask = bool>> Oscillator<P> {
+impl<P: Scalar> Oscillator<P> {
     /// V now.
     pub fn voltage(&self) -> P {
         self.at(P::of(0.0))
@@ -57,7 +57,7 @@ pub trait StepsAhead<I> {
 }
 
 /// A drive that goes on as it is, in steps of so many seconds.
-impl<P: Scalar<Mask = bool>> StepsAhead<Nodes<P>> for (Oscillator<P>, P) {
+impl<P: Scalar> StepsAhead<Nodes<P>> for (Oscillator<P>, P) {
     fn input(&self, step: u32) -> Nodes<P> {
         let (drive, interval) = self;
         let start = *interval * P::of(f64::from(step));

@@ -31,7 +31,7 @@ pub struct MotionPhase<P> {
     pub phase_sd: P,
 }
 
-impl<P: Scalar<Mask = bool>> MotionPhase<P> {
+impl<P: Scalar> MotionPhase<P> {
     /// Of a filter's mean and covariance, whose first states are the angle and its rate, at the rate ω in rad/s of the
     /// motion.
     ///

@@ -42,7 +42,7 @@ pub struct Margins<P> {
     pub peak_sensitivity: P,
 }
 
-impl<P: Scalar<Mask = bool>> RebalanceLoop<P> {
+impl<P: Scalar> RebalanceLoop<P> {
     /// X in m/N, at ω in rad/s.
     pub fn compliance(&self, rate: P) -> Complex<P> {
         let mass = &self.device.mass;
@@ -137,7 +137,7 @@ fn at<P: Scalar>(from: P, to: P, step: u32) -> P {
 }
 
 /// Where something first becomes true.
-fn crossing<P: Scalar<Mask = bool>>(from: P, to: P, is_beyond: &dyn Fn(P) -> bool) -> Option<P> {
+fn crossing<P: Scalar>(from: P, to: P, is_beyond: &dyn Fn(P) -> bool) -> Option<P> {
     let first = (0..=GRID).find(|step| is_beyond(at(from, to, *step)))?;
     let ends = (at(from, to, first.saturating_sub(1)), at(from, to, first));
     Some(halved(ends, HALVINGS, is_beyond).1)

@@ -152,7 +152,7 @@ pub struct DriveCommand<P> {
     pub voltage: P,
 }
 
-impl<P: Scalar<Mask = bool>> Regulator<P> {
+impl<P: Scalar> Regulator<P> {
     /// At rest, at the beginning of the sweep.
     pub fn new(settings: RegulatorSettings<P>) -> Self {
         let (zero, start) = (P::of(0.0), &settings.start);
@@ -303,13 +303,13 @@ impl<P: Scalar> RegulatorSettings<P> {
 }
 
 /// A value that goes to another by no more than a step.
-fn toward<P: Scalar<Mask = bool>>(from: P, to: P, step: P) -> P {
+fn toward<P: Scalar>(from: P, to: P, step: P) -> P {
     let by = to - from;
     if by.abs().gt(step) { if by.lt(P::of(0.0)) { from - step } else { from + step } } else { to }
 }
 
 /// base + K_p·y + K_i·∫y within limits. The integral takes in what does not lead further beyond them.
-fn limited<P: Scalar<Mask = bool>>(
+fn limited<P: Scalar>(
     controller: &PiController<P>,
     integral: &mut P,
     (base, y): (P, P),

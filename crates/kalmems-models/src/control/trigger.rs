@@ -116,7 +116,7 @@ pub struct Trigger<P> {
     missed: u64,
 }
 
-impl<P: Scalar<Mask = bool>> Trigger<P> {
+impl<P: Scalar> Trigger<P> {
     /// Before the first sample.
     pub fn new(settings: TriggerSettings<P>) -> Result<Self, UnusableTrigger> {
         let TriggerSettings { interval, rate, mark, lead, least_amplitude } = settings;
@@ -339,7 +339,7 @@ const MOST_STEPS: f64 = 4096.0;
 /// Passages of one gap that are counted at most.
 const MOST_PASSAGES: u32 = 1 << 20;
 
-fn larger<P: Scalar<Mask = bool>>(a: P, b: P) -> P {
+fn larger<P: Scalar>(a: P, b: P) -> P {
     if a.lt(b) { b } else { a }
 }
 

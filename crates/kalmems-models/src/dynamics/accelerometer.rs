@@ -94,7 +94,7 @@ impl<P: Scalar> Accelerometer<P> {
     }
 }
 
-impl<P: Scalar<Mask = bool>> Accelerometer<P> {
+impl<P: Scalar> Accelerometer<P> {
     /// The pull-in towards the first plate at a feedback in V that does not change; `None` where the plates pull more
     /// than the spring holds wherever the mass is.
     ///

@@ -37,7 +37,7 @@ impl<P: Scalar> MirrorResonator<P> {
     }
 }
 
-impl<P: Scalar<Mask = bool>> MirrorResonator<P> {
+impl<P: Scalar> MirrorResonator<P> {
     /// The exact step over an interval under an acceleration held over it, and white angular acceleration of this
     /// density in rad²/s³.
     ///

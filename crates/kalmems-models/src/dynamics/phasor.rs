@@ -25,7 +25,7 @@ pub struct SteadyPhasor<T> {
     noise: ProcessNoise<T, 3>,
 }
 
-impl<T: Scalar<Mask = bool>> SteadyPhasor<T> {
+impl<T: Scalar> SteadyPhasor<T> {
     /// The exact step over an interval in s, with the noise densities of A, f and φ in m²/s, Hz²/s and rad²/s.
     pub fn new(interval: T, density: &NoiseDensity<T, 3>) -> Self {
         let mut a = Mat::<T, 3, 3>::zero();
@@ -76,7 +76,7 @@ pub struct DriftingPhasor<T> {
     noise: ProcessNoise<T, 5>,
 }
 
-impl<T: Scalar<Mask = bool>> DriftingPhasor<T> {
+impl<T: Scalar> DriftingPhasor<T> {
     /// The exact step over an interval in s, with the noise densities of A, f, φ, d₀ and Ȧ in m²/s, Hz²/s, rad²/s,
     /// m²/s and m²/s³.
     pub fn new(interval: T, density: &NoiseDensity<T, 5>) -> Self {

@@ -42,7 +42,7 @@ impl<P: Scalar> PiezoStage<P> {
     }
 }
 
-impl<P: Scalar<Mask = bool>> PiezoStage<P> {
+impl<P: Scalar> PiezoStage<P> {
     /// The exact step over an interval under a drive held over it, and white angular acceleration of this density in
     /// rad²/s³.
     ///
@@ -85,7 +85,7 @@ pub struct TiltAndPiston<P> {
     pub piston: PiezoStage<P>,
 }
 
-impl<P: Scalar<Mask = bool>> TiltAndPiston<P> {
+impl<P: Scalar> TiltAndPiston<P> {
     /// The exact step over an interval under a drive held over it, without noise.
     pub fn exact(&self, interval: P) -> LinearProcess<P, 4, 1> {
         let (tilt, piston) = (self.tilt.resonator.system_matrix(), self.piston.resonator.system_matrix());

@@ -51,7 +51,7 @@ impl<P: Scalar> ProofMass<P> {
     }
 }
 
-impl<P: Scalar<Mask = bool>> ProofMass<P> {
+impl<P: Scalar> ProofMass<P> {
     /// The eigenvalues of the motion about rest on this spring in N/m, as real and imaginary parts in rad/s, the
     /// slower one first.
     ///

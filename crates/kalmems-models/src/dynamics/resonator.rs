@@ -53,7 +53,7 @@ impl<P: Scalar> TorsionalResonator<P> {
     }
 }
 
-impl<P: Scalar<Mask = bool>> TorsionalResonator<P> {
+impl<P: Scalar> TorsionalResonator<P> {
     /// The exact step over one interval, driven by a torque held over it and by white angular acceleration of
     /// this density in rad²/s³.
     ///

@@ -1,7 +1,7 @@
 //! The angle a short time ago.
 
 use crate::dynamics::TorsionalResonator;
-use kalmems_core::{Mask, Over, Scalar};
+use kalmems_core::{Over, Scalar};
 use kalmems_macros::{Parameters, model};
 
 /// θ(t − τ) from the motion at t: θ − s·θ̇ + c·θ̈ with s = sin(ω₀τ)/ω₀ in s and c = (1 − cos ω₀τ)/ω₀² in s².
@@ -49,7 +49,7 @@ impl<P: Scalar> AngleBefore<P> {
 
     /// Whether there is no delay.
     pub fn is_none(&self) -> bool {
-        !self.by_rate.abs().gt(P::of(0.0)).any()
+        !self.by_rate.abs().gt(P::of(0.0))
     }
 
     /// θ(t − τ) in rad from θ, θ̇ and θ̈ at t.

@@ -10,7 +10,6 @@ mod circuit;
 mod crossings;
 mod delay;
 mod inertial;
-mod lanes;
 mod laws;
 mod micro_stage;
 mod piston;

@@ -56,7 +56,7 @@ struct Bench<P> {
     rates: [P; 2],
 }
 
-impl<P: Scalar<Mask = bool> + Over<P>> Bench<P> {
+impl<P: Scalar + Over<P>> Bench<P> {
     fn new(settings: RegulatorSettings<P>) -> Self {
         let regulator = Regulator::new(settings);
         let rate = regulator.drive().rate;

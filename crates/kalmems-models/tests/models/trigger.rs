@@ -315,7 +315,7 @@ fn what_passes_in_a_gap_is_counted() {
 /// In f32 the event is told within nanoseconds of that in f64.
 #[test]
 fn single_precision_predicts_the_same_time() {
-    fn after<P: Scalar<Mask = bool> + Over<P>>() -> P {
+    fn after<P: Scalar + Over<P>>() -> P {
         let p = |x: f64| P::of(x);
         let resonator =
             TorsionalResonator { inertia: p(1.15e-14), damping: p(5.95e-12), stiffness: p(1.10e-4) };

@@ -117,7 +117,7 @@ impl<const N: usize> Filter<f64, N> for MisprintedUkf<N> {
         }
         let (_, transition) = process.linearized(&self.mean, u);
         (self.mean, self.covariance) = (mean, covariance);
-        Ok(StateTransition { transition, noise: *process.noise_added().covariance(), taken: true })
+        Ok(StateTransition { transition, noise: *process.noise_added().covariance() })
     }
 
     fn update_where<H: NumericMeasurement<f64, N, M>, const M: usize>(

@@ -49,7 +49,7 @@ pub struct VariedInstrument<T> {
     pub noise: Covariance<T, 1>,
 }
 
-impl<T: Scalar<Mask = bool>> VariedInstrument<T> {
+impl<T: Scalar> VariedInstrument<T> {
     /// The instrument of these factors, discretised exactly at rest. The states have the scales of what is stated, so that
     /// those of different factors can be mixed.
     pub fn of(

@@ -213,7 +213,7 @@ impl<const N: usize> Filter<f64, N> for PhaseLock<N> {
         u: &P::Input,
     ) -> Result<StateTransition<f64, N>, FilterError> {
         self.lock.predict(process, u)?;
-        Ok(StateTransition { transition: self.transition, noise: self.noise, taken: true })
+        Ok(StateTransition { transition: self.transition, noise: self.noise })
     }
 
     fn update_where<H: NumericMeasurement<f64, N, M>, const M: usize>(

@@ -1,14 +1,10 @@
 //! Where a parametrically driven device starts and how far it swings, each by two methods, and against tabulated
 //! values of Mathieu's equation.
 
-// What computes in lanes is inlined into their kernel.
-#![allow(clippy::inline_always)]
-
 use kalmems::simulate::{
-    Balance, Drive, SideBySide, Stability, StabilityMap, SteadyMotion, SweepHold, SweepPoint,
-    floquet_exponent, monodromy, starting_factor, sweeps_both_ways,
+    Balance, Drive, Stability, StabilityMap, SteadyMotion, SweepHold, SweepPoint, floquet_exponent,
+    monodromy, starting_factor, sweeps_both_ways,
 };
-use kalmems_core::lanes::Lane;
 use kalmems_core::{Dynamics, Mat, Over, Scalar};
 use kalmems_macros::model;
 use kalmems_models::capacitance::GaussianComb;
@@ -38,14 +34,6 @@ impl<T: Scalar> Dynamics<T, 2> for Mathieu<T> {
     type Input = T;
     fn derivative<S: Over<T>>(&self, x: &[S; 2], u: &T) -> [S; 2] {
         [x[1], -(x[0] * (self.a - u.twice())) - x[1] * self.c.twice()]
-    }
-}
-
-impl SideBySide for Mathieu<f64> {
-    type In<L: Lane<f64>> = Mathieu<L>;
-    #[inline(always)]
-    fn spread<L: Lane<f64>>(&self) -> Mathieu<L> {
-        Mathieu { a: L::of(self.a), c: L::of(self.c) }
     }
 }
 

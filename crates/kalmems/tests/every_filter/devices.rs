@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 use std::fmt::Debug;
 
 /// f64 or f32.
-pub trait Number: Scalar<Mask = bool> + Into<f64> + PartialEq + Debug {}
+pub trait Number: Scalar + Into<f64> + PartialEq + Debug {}
 impl Number for f64 {}
 impl Number for f32 {}
 

@@ -58,7 +58,6 @@ where
 }
 
 fn smoothed_said<T: Number, const N: usize>(smoothed: &Smoothed<T, N>) -> Said<N> {
-    assert!(smoothed.sound);
     let covariance = smoothed.covariance();
     Said {
         mean: smoothed.mean.map(Into::into),

@@ -196,7 +196,7 @@ impl<const N: usize> Filter<f64, N> for TurningGain<N> {
             return Err(FilterError::NonFiniteState);
         }
         self.mean = mean;
-        Ok(StateTransition { transition, noise: *process.noise_added().covariance(), taken: true })
+        Ok(StateTransition { transition, noise: *process.noise_added().covariance() })
     }
 
     fn update_where<H: NumericMeasurement<f64, N, M>, const M: usize>(

@@ -63,7 +63,7 @@ impl Likelihood<'_> {
     /// Riccati are solved in it too. The acceleration is a state, so that nothing needs to be known of it but its size
     /// and bandwidth; the feedback is an input.
     #[inline]
-    pub fn follow<T: Scalar<Mask = bool>>(
+    pub fn follow<T: Scalar>(
         &self,
         logs: &[T; COUNT],
         each: &mut impl FnMut(&Innovation<T, 1>, T),
@@ -90,7 +90,7 @@ impl Likelihood<'_> {
 }
 
 /// The instrument, and the filter in which it settles.
-fn settled<T: Scalar<Mask = bool>>(
+fn settled<T: Scalar>(
     hardware: &AccelerometerHardware,
     logs: &[T; COUNT],
     interval_s: f64,

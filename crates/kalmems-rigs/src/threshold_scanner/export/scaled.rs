@@ -258,7 +258,7 @@ type Finder<T> = Detector<T, @half@, @reach@, @memory@>;
 
 /// One step over one interval, and its noise.
 #[inline(always)]
-pub fn process<T: Scalar<Mask = bool>>() -> LinearProcess<T, 2, 0> {
+pub fn process<T: Scalar>() -> LinearProcess<T, 2, 0> {
     let of = T::of;
     LinearProcess {
         transition: Mat([[@f00@, @f01@], [@f10@, @f11@]]),
@@ -292,7 +292,7 @@ fn slope_kernel<T: Scalar>() -> SlopeKernel<T, @half@> {
 
 /// The cubic around a crossing.
 #[inline(always)]
-fn cubic_fit<T: Scalar<Mask = bool>>() -> CubicFit<T, @fit@> {
+fn cubic_fit<T: Scalar>() -> CubicFit<T, @fit@> {
     let of = T::of;
     let weights = [
         @fit_weights@,
@@ -310,7 +310,7 @@ pub struct Estimator<T: Scalar> {
     crossings: u32,
 }
 
-impl<T: Scalar<Mask = bool>> Estimator<T> {
+impl<T: Scalar> Estimator<T> {
     /// Before the first sample.
     pub fn new() -> Self {
         let of = T::of;

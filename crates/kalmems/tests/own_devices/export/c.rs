@@ -61,7 +61,7 @@ fn threshold_said(folder: &Path, exported: &Exported, signal: &[f64]) -> Vec<Vec
 }
 
 /// The same of the library.
-fn threshold_run<T: Scalar<Mask = bool> + Into<f64>>(signal: &[f64]) -> Vec<[f64; 6]> {
+fn threshold_run<T: Scalar + Into<f64>>(signal: &[f64]) -> Vec<[f64; 6]> {
     let mut filter = threshold::Estimator::<T>::new();
     let one = |(k, volts): (usize, &f64)| {
         #[allow(clippy::cast_possible_truncation)] // as the C source has it

@@ -1,6 +1,6 @@
 //! a + b·c of one number: in one instruction on a small processor that is told to have it, in two elsewhere.
 //!
-//! Nowhere else, because lanes and machines would then give different bytes.
+//! Nowhere else, because machines would then give different bytes.
 
 /// Whether it is one.
 pub(crate) const FUSED_F32: bool = cfg!(all(feature = "vfpv4", target_arch = "arm"));
