@@ -17,6 +17,7 @@
 mod arrays;
 mod clock;
 mod column;
+mod compensation;
 mod device;
 mod error;
 mod estimate;
@@ -54,6 +55,7 @@ mod vibrometer;
 pub use arrays::ArraysByFile;
 pub use clock::{Clock, TimeColumn};
 pub use column::{ColumnChoice, FileColumns};
+pub use compensation::{Compensation, CurvePiece, TemperatureCurve};
 pub use device::{DeviceDescription, DeviceKind, OtherTerms, read_device};
 pub use error::{ConfigError, ConfigFault, ConfigPlace, LineAndColumn};
 pub use estimate::{Crossings, Estimate, ExtremeSign};

@@ -28,6 +28,7 @@
 
 pub(crate) mod blocks;
 pub(crate) mod clock_unit;
+mod compensation;
 mod computed_rows;
 mod contribution;
 pub(crate) mod counter;
