@@ -6,9 +6,10 @@ use super::compensation_sources::{header, rust_module};
 use super::noise_yaml::noise_yaml;
 use crate::WriteError;
 use crate::calibration::{
-    AXES, AxisAtRest, CalibratedGyroscope, Calibration, InertialSensor, QuantityUnit, RecordOutcome,
-    ScaleFactorChange, TemperaturePolynomial, UncertainEstimate,
+    AXES, AxisAtRest, CalibratedGyroscope, Calibration, CalibrationError, GyroscopeCalibration,
+    InertialSensor, QuantityUnit, RecordOutcome, ScaleFactorChange, UncertainEstimate,
 };
+use crate::config::TemperatureCurve;
 use crate::recording::RecordingSource;
 use crate::signal::Confident;
 use kalmems_core::Portable;
@@ -797,7 +798,7 @@ fn of_density(rests: &[&AxisAtRest], sensor: InertialSensor) -> Figure {
 }
 
 /// Writes a calibration into a result: `calibration.json`, `calibration.csv` (a line for each entry of K and each bias),
-/// `records.csv`, `allan.csv` and `imu.yaml` where there is a record at rest, `temperature.json`, `temperature.h` and `temperature.rs` where there are polynomials of the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
+/// `records.csv`, `allan.csv` and `imu.yaml` where there is a record at rest, `temperature.json`, `temperature.h` and `temperature.rs` where there are curves over the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
 /// `figures/`, `run.toml`.
 pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) -> Result<(), WriteError> {
     let input_id = input_id(found);
@@ -819,7 +820,7 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
     if let Some(yaml) = noise_yaml(&found.rest, found.file.gyroscope.rate.si()) {
         output.write("imu.yaml", |w| w.write_all(yaml.as_bytes()))?;
     }
-    let compensation: Vec<&TemperaturePolynomial> =
+    let compensation: Vec<&TemperatureCurve> =
         found.records.iter().flat_map(|record| &record.compensation).collect();
     if !compensation.is_empty() {
         output.write("temperature.json", |w| {
@@ -839,9 +840,7 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
     })?;
     let html = explained(certificate_page(&certificate, found, &figures)).to_html()?;
     output.write("certificate.html", |w| w.write_all(html.as_bytes()))?;
-    for figure in &figures {
-        figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))?;
-    }
+    write_figures(&figures, output)?;
     output.write_run(&input_id, || {
         Ok(CalibrationRecord {
             timing: info.timing(),
@@ -850,6 +849,29 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
         })
     })?;
     Ok(())
+}
+
+/// Writes what was found of the parts of the records of a calibration that was refused: `report.html` and the pictures.
+pub fn write_refused_calibration(
+    file: &GyroscopeCalibration,
+    why: &CalibrationError,
+    parts: &[Figure],
+    output: &Output,
+) -> Result<(), WriteError> {
+    let section = PageSection::new("Refused").notice(NoticeSeverity::Warning, why.to_string());
+    let subtitle =
+        "The calibration was refused. The pictures show the parts of the records as they were found.";
+    let page = Page::new(file.name.to_string(), subtitle)
+        .with(parts.iter().cloned().fold(section, PageSection::figure));
+    let html = page.to_html()?;
+    output.write("report.html", |w| w.write_all(html.as_bytes()))?;
+    write_figures(parts, output)
+}
+
+fn write_figures(figures: &[Figure], output: &Output) -> Result<(), WriteError> {
+    figures.iter().try_for_each(|figure| {
+        figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))
+    })
 }
 
 fn entries(found: &Calibration, w: &mut dyn Write) -> io::Result<()> {

@@ -2,6 +2,7 @@
 
 use super::error::CalibrationError;
 use super::files::{InputFiles, columns, require_usable, require_within};
+use super::still::{StillChannel, still_parts};
 use super::stretches::{RecordStretches, stretches};
 use super::tone::AXES;
 use crate::calibration::file::InertialUnit;
@@ -116,10 +117,20 @@ impl UnitSamples {
         Some(&self.recording.column(column?).ok()?.values)
     }
 
-    /// How many rows last at least this long, in s; two or more.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
-    pub fn rows_of(&self, duration_s: f64) -> usize {
-        (duration_s / self.time.interval_s).ceil().max(2.0) as usize
+    /// The parts of each stretch between gaps in which the columns are still for at least this long, in s. Each column with whether it is a rate, of which
+    /// a constant one is no rest.
+    pub fn still_parts(&self, shortest_s: f64, columns: &[(&[f64], bool)]) -> Vec<Vec<Range<usize>>> {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+        let shortest = (shortest_s / self.time.interval_s).ceil().max(2.0) as usize;
+        let of = |stretch: &Range<usize>| {
+            let of_column = columns.iter().map(|(values, is_rate)| StillChannel {
+                values: values.get(stretch.clone()).unwrap_or_default(),
+                is_rate: *is_rate,
+            });
+            let parts = still_parts(&of_column.collect::<Vec<_>>(), shortest).into_iter();
+            parts.map(|part| stretch.start + part.start..stretch.start + part.end).collect()
+        };
+        self.time.rows.iter().map(of).collect()
     }
 
     /// The gyroscopes' rates in rad/s of all rows, axis by axis.
