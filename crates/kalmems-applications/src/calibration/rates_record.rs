@@ -64,9 +64,10 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Vec<RecordOutcome>, Cali
     let (mut outcomes, biases): (Vec<RecordOutcome>, Vec<RecordBiases>) = found.into_iter().unzip();
     let mountings = by_mountings(&file.rates, &biases);
     match outcomes.last_mut() {
-        Some(last) if mountings.quantities.is_empty() => last.not_observed.extend(mountings.not_observed),
-        Some(_) => outcomes.push(mountings),
-        None => {}
+        Some(_) if !mountings.quantities.is_empty() => outcomes.push(mountings),
+        // Positions determine it as well.
+        Some(last) if file.positions.is_none() => last.not_observed.extend(mountings.not_observed),
+        _ => {}
     }
     Ok(outcomes)
 }

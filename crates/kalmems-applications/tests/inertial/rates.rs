@@ -4,9 +4,10 @@ use super::simulated::{Noise, Vector};
 use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::{
     Calibration, CalibrationError, CalibrationSummary, Certificate, GyroscopeCalibration, calibrate,
-    calibrate_with_parts,
+    calibrate_with_parts, write_refused_calibration,
 };
 use kalmems_engines::progress::Silent;
+use kalmems_store::{Output, Work};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
@@ -290,10 +291,16 @@ fn turned_saturated_and_too_few_steps_are_named_and_none_is_certified() {
     // The parts that were found are drawn all the same.
     GYROSCOPE.write(&path, &[0.0, 1.0, 2.0, 3.0], 3);
     let mut parts = Vec::new();
-    assert!(calibrate_with_parts(&file, &Silent, &mut parts).is_err());
+    let why = calibrate_with_parts(&file, &Silent, &mut parts).unwrap_err();
     let [figure] = &parts[..] else { panic!("{}", parts.len()) };
     let constant = figure.panels[0].series.len() - 1;
     assert!(figure.id == "rates-z" && constant == 4, "{} {constant}", figure.id);
+    let out = folder.path().join("out");
+    let output = Output::begin(&out, &Work::named("calibrate gyro", "table")).unwrap();
+    write_refused_calibration(&file, &why, &parts, &output).unwrap();
+    output.commit().unwrap();
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("found 4 parts") && out.join("figures/rates-z.svg").is_file());
     // Only upwards: hysteresis is not seen, all else is.
     let up: Vec<f64> = (-12..=12).map(|k| 0.25 * f64::from(k)).collect();
     let found = calibrated(&GYROSCOPE, &up, 3, FILE).unwrap();

@@ -243,17 +243,21 @@ fn the_compensation_is_written_as_json_in_c_and_in_rust() {
     }
 }
 
-/// A scale factor with 50 ppm/K at four temperatures, each record a staircase of the table without noise but that of its last digit.
-#[test]
-fn rates_at_several_temperatures_give_the_scale_factor_over_the_temperature() {
+/// Scale factor, cross-axis sensitivity and bias at a temperature.
+fn turning(kelvin: f64) -> [f64; 3] {
+    let off = kelvin - 310.0;
+    [1.01 + 50e-6 * off, 4e-3 + 2e-5 * off, 2e-3 + 1e-5 * off]
+}
+
+/// Records of a staircase of the table at several temperatures, about an axis without a part of the Earth's rotation.
+fn at_temperatures(temperatures: &[i32], choice: &str, seed: u64) -> Calibration {
     let folder = tempfile::tempdir().unwrap();
-    let mut text =
-        "name = \"t\"\n[gyroscope]\nrate = \"100 Hz\"\nchannels = { x = \"gx_rad_per_s\", z = \"gz_rad_per_s\" }\n"
-            .to_owned();
-    let mut noise = Noise::new(9);
-    for kelvin in [280, 300, 320, 340] {
-        let off = f64::from(kelvin - 310);
-        let (scale, across, bias) = (1.01 + 50e-6 * off, 4e-3 + 2e-5 * off, 2e-3 + 1e-5 * off);
+    let mut text = format!(
+        "name = \"t\"\n[gyroscope]\nrate = \"100 Hz\"\nchannels = {{ x = \"gx_rad_per_s\", z = \"gz_rad_per_s\" }}\n{choice}"
+    );
+    let mut noise = Noise::new(seed);
+    for kelvin in temperatures {
+        let [scale, across, bias] = turning(f64::from(*kelvin));
         let mut rows = "table_rad_per_s,gx_rad_per_s,gz_rad_per_s\n".to_owned();
         for step in (-6..=6).chain((-5..6).rev()) {
             let rate = 0.4 * f64::from(step);
@@ -265,12 +269,50 @@ fn rates_at_several_temperatures_give_the_scale_factor_over_the_temperature() {
         fs::write(folder.path().join(format!("{kelvin}.csv")), rows).unwrap();
         write!(
             text,
-            "[[rates]]\nname = \"at_{kelvin}\"\nfile = \"{kelvin}.csv\"\naxis = \"z\"\ntable = \"table_rad_per_s\"\ntemperature = \"{kelvin} K\"\n"
+            "[[rates]]\nname = \"at_{kelvin}\"\nfile = \"{kelvin}.csv\"\naxis = \"z\"\ntable = \"table_rad_per_s\"\ntemperature = \"{kelvin} K\"\n\
+             latitude = \"0 deg\"\n"
         )
         .unwrap();
     }
-    let file = GyroscopeCalibration::parse(&text, &folder.path().join("t.toml")).unwrap();
-    let found = calibrate(&file, &Silent).unwrap();
+    calibrate(&GyroscopeCalibration::parse(&text, &folder.path().join("t.toml")).unwrap(), &Silent).unwrap()
+}
+
+#[test]
+#[ignore = "2400 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
+fn slow_intervals_of_rates_over_the_temperature_hold_95_of_100() {
+    for (choice, names) in [
+        ("", ["0", "1", "2"]),
+        ("[rates_over_temperature]\nknots = 3\n", ["at_280.00_k", "at_310.00_k", "at_340.00_k"]),
+    ] {
+        let mut held: BTreeMap<String, usize> = BTreeMap::new();
+        for seed in 1000..1200 {
+            let found = at_temperatures(&[280, 290, 300, 310, 325, 340], choice, seed);
+            let over = found.records.iter().find(|record| record.kind == "rates_over_temperature").unwrap();
+            for (place, what) in
+                ["scale_factor_z", "cross_axis_sensitivity_xz", "bias_z"].into_iter().enumerate()
+            {
+                let at = |kelvin: f64| turning(kelvin)[place];
+                let truth = if choice.is_empty() {
+                    [at(310.0), at(311.0) - at(310.0), 0.0]
+                } else {
+                    [at(280.0), at(310.0), at(340.0)]
+                };
+                for (name, value) in names.into_iter().zip(truth) {
+                    let name = format!("{what}_{name}");
+                    let [low, high] = over.estimate(&name).unwrap_or_else(|| panic!("{name}")).interval;
+                    *held.entry(name).or_default() += usize::from(low <= value && value <= high);
+                }
+            }
+        }
+        println!("{held:?} of 200");
+        assert!(held.len() == 9 && held.values().all(|held| (180..=199).contains(held)), "{held:?}");
+    }
+}
+
+/// A scale factor with 50 ppm/K at four temperatures.
+#[test]
+fn rates_at_several_temperatures_give_the_scale_factor_over_the_temperature() {
+    let found = at_temperatures(&[280, 300, 320, 340], "", 9);
     let over = found.records.iter().find(|record| record.kind == "rates_over_temperature").unwrap();
     for (name, value) in [
         ("scale_factor_z_0", 1.01),
