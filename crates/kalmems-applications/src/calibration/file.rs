@@ -51,7 +51,7 @@ pub struct GyroscopeCalibration {
     /// Records on a rate table that turns at one rate after the other.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rates: Vec<RatesRecord>,
-    /// The curves through their results at several temperatures.
+    /// The curves through the results of `rates` at several temperatures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rates_over_temperature: Option<CurveChoice>,
     /// Records of turns by a known angle, between which the unit rests.
