@@ -107,7 +107,9 @@ impl<F: Fn(&DeclaredColumn, &mut Findings) -> Option<TargetColumn>> Hidden<'_, F
         let faults: Vec<String> = bias.chain(scale_factor).chain(cross_axis).chain(temperature).collect();
         let column = self.targets.get(place).map(|target| target.index);
         let at = FindingPlace { column, segment: None, line: self.line };
-        faults.into_iter().for_each(|fault| self.findings.add(Kind::Contradiction, at, || fault));
+        for fault in faults {
+            self.findings.add(Kind::Contradiction, at, || fault);
+        }
     }
 }
 

@@ -873,6 +873,17 @@ fn a_column_is_compensated_over_the_temperature_and_against_other_columns() {
             ColumnReading { compensation: Some(Ok(Box::new(compensation))), ..ColumnReading::default() };
         DeclaredColumn { reading: Some(reading), ..declared(name, "signal", ["", "", ""]) }
     };
+    // What is clipped is seen in the values as they were measured, although no two compensated ones are the same.
+    let clipped = sine(600, 200.0, 100.0, 0.0, 80.0);
+    let rows = clipped.lines().enumerate().map(|(row, line)| match row {
+        0 => format!("{line},t_K\n"),
+        _ => format!("{line},{}\n", 300.0 + 0.01 * row as f64),
+    });
+    let warming = with(layout("time_us", "", &["cap_V"]), &[column("cap_V", compensation("V", &[]))]);
+    let recording = read(rows.collect::<String>().as_bytes(), &warming).unwrap();
+    let found = recording.diagnosis.iter().filter(|found| found.kind == FindingKind::Saturation);
+    assert_eq!(found.map(|found| found.count).sum::<usize>(), saturated(&clipped));
+    assert!(saturated(&clipped) > 0);
     let columns = [column("x_V", compensation("V", &cross)), column("y_V", compensation("V", &[]))];
     let layout = with(layout("time_s", "", &["x_V"]), &columns);
     let recording = read(text.as_bytes(), &layout).unwrap();
