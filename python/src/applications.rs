@@ -1,14 +1,18 @@
 //! What an estimated motion is for: images, spectra, and the calibration of a gyroscope, each as its file describes it.
 
 use crate::errors::{Raise, failed};
+use crate::figures::pictures;
 use crate::watch::done;
 use kalmems::applications::ApplicationFile;
-use kalmems::applications::calibration::{CalibrationSummary, GyroscopeCalibration, calibrate as calibrated};
+use kalmems::applications::calibration::{
+    CalibrationSummary, GyroscopeCalibration, calibrate as calibrated, calibration_figures,
+};
 use kalmems::applications::image::{DevelopedImage, Image, ImageMetrics, reconstruct};
 use kalmems::applications::spectrum::{SpectrumFile, SpectrumMetrics, measure};
 use kalmems::rigs::published;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -16,15 +20,19 @@ fn json(py: Python<'_>, value: &impl Serialize) -> PyResult<String> {
     serde_json::to_string(value).map_err(|error| failed(py, &error))
 }
 
-/// Calibrates a gyroscope: the figures as JSON, and as text.
+/// Calibrates a gyroscope: the figures as JSON, as text, and the pictures.
 #[pyfunction]
-#[pyo3(signature = (path, progress: "_Progress" = None))]
-pub fn calibrate(py: Python<'_>, path: PathBuf, progress: Option<Py<PyAny>>) -> PyResult<(String, String)> {
+#[pyo3(signature = (path, progress: "_Progress" = None) -> "tuple[str, str, dict[str, bytes]]")]
+pub fn calibrate(
+    py: Python<'_>,
+    path: PathBuf,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(String, String, Bound<'_, PyDict>)> {
     let file = GyroscopeCalibration::load(&path).map_err(|error| error.raise(py))?;
     let found =
         done(py, progress, move |watch| calibrated(&file, watch))?.map_err(|error| failed(py, &error))?;
     let summary = CalibrationSummary::of(&found);
-    Ok((json(py, &summary)?, summary.to_text()))
+    Ok((json(py, &summary)?, summary.to_text(), pictures(py, &calibration_figures(&found))?))
 }
 
 /// Grey values, row after row from the top.

@@ -2,7 +2,7 @@
 
 use crate::document::without_lines;
 use crate::errors::{Raise, failed};
-use crate::figures::as_json;
+use crate::figures::{as_json, pictures};
 use crate::recording::Columns;
 use crate::watch::{Watch, done};
 use kalmems::array_experiment::{ArrayExperiment, PreparedExperiment};
@@ -20,7 +20,7 @@ use kalmems::workflow::{RecordingOutcome, SegmentOutcome};
 use numpy::PyArray1;
 use numpy::ndarray::ArrayView1;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyList};
+use pyo3::types::{PyDict, PyList};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Instant, SystemTime};
@@ -176,20 +176,7 @@ impl Outcome {
     /// The pictures of the report by their names, as SVG and as PNG.
     #[pyo3(signature = () -> "dict[str, bytes]")]
     fn figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let files = PyDict::new(py);
-        let (_, figures) = self.drawn(py)?;
-        for figure in figures {
-            let mut made: Vec<(String, Vec<u8>)> = Vec::new();
-            let keep = |name: &str, content: &[u8]| {
-                made.push((name.trim_start_matches("figures/").to_owned(), content.to_vec()));
-                Ok::<(), kalmems::figures::ReportError>(())
-            };
-            figure.files(keep).map_err(|error| failed(py, &error))?;
-            for (name, content) in made {
-                files.set_item(name, PyBytes::new(py, &content))?;
-            }
-        }
-        Ok(files)
+        self.drawn(py).and_then(|(_, figures)| pictures(py, &figures))
     }
 
     /// The pictures of the report as data, which another program can draw.

@@ -1,5 +1,6 @@
 //! Columns of files as settings name them: by name, or with what their numbers are.
 
+use super::compensation::Compensation;
 use super::error::shown;
 use super::format::FileFormat;
 use super::values::AnyValue;
@@ -13,6 +14,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
+use std::path::{Path, PathBuf};
 
 /// A column of a file, and what its numbers are where the file does not say it or says it wrongly:
 /// the value is `scale · number`, in the product of both units, plus `offset`.
@@ -46,6 +48,9 @@ struct ColumnTable {
     /// measured values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     range: Option<[AnyValue; 2]>,
+    /// What its values are compensated for over the temperature, in the channels of a recording and of a calibration.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    compensation: Option<Compensation>,
 }
 
 /// A column of a file: its name, or a table such as `{ column = "Ucap", unit = "V", scale = 2.5, offset = "0.1 V" }`.
@@ -54,6 +59,10 @@ pub struct ColumnChoice {
     table: Box<ColumnTable>,
     reading: Option<Box<ColumnReading>>,
 }
+
+/// Said of a column of another table.
+const NOT_COMPENSATED: &str =
+    "`compensation` is for the channels of a recording and of a calibration; leave it out here";
 
 impl ColumnTable {
     /// A name, of whose numbers nothing is said.
@@ -66,6 +75,7 @@ impl ColumnTable {
             offset: None,
             full_scale: None,
             range: None,
+            compensation: None,
         }
     }
 }
@@ -87,7 +97,8 @@ impl ColumnChoice {
     }
 
     fn of(table: ColumnTable) -> Result<Self, String> {
-        let ColumnTable { column, unit, scale, sensitivity, offset, full_scale, range } = &table;
+        let ColumnTable { column, unit, scale, sensitivity, offset, full_scale, range, compensation } =
+            &table;
         if column.trim().is_empty() {
             return Err(
                 "found no name; expected that of a column of the file, such as `column = \"Ucap\"`".into()
@@ -142,13 +153,32 @@ impl ColumnChoice {
                 high.text()
             ));
         }
-        let said = unit.is_some() || scale.is_some() || offset.is_some() || range.is_some();
-        let reading = said.then(|| Box::new(ColumnReading { unit, scale, offset, range }));
+        let compensation = compensation.is_some().then(|| Err(NOT_COMPENSATED.to_owned()));
+        let said = unit.is_some()
+            || scale.is_some()
+            || offset.is_some()
+            || range.is_some()
+            || compensation.is_some();
+        let reading = said.then(|| Box::new(ColumnReading { unit, scale, offset, range, compensation }));
         Ok(Self { table: Box::new(table), reading })
     }
 
+    /// Reads the curves that it is compensated with; `folder` is that of the file that names it.
+    pub(super) fn load_compensation(&mut self, folder: &Path) {
+        if let (Some(choice), Some(reading)) = (&self.table.compensation, &mut self.reading) {
+            reading.compensation = Some(choice.load(folder));
+        }
+    }
+
+    /// Puts the file with these curves elsewhere.
+    pub(super) fn move_file(&mut self, place: &dyn Fn(&Path) -> PathBuf) {
+        if let Some(choice) = &mut self.table.compensation {
+            choice.file = place(&choice.file);
+        }
+    }
+
     /// As [`DeclaredColumn`] under this key, with a unit that would fit where it needs one.
-    fn declared(&self, key: &str, usual_unit: Option<&'static str>) -> DeclaredColumn {
+    pub(super) fn declared(&self, key: &str, usual_unit: Option<&'static str>) -> DeclaredColumn {
         DeclaredColumn {
             column: self.name().to_owned(),
             key: key.to_owned(),

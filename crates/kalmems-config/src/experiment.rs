@@ -98,6 +98,13 @@ impl Experiment {
     fn from_source(source: Source) -> Result<Self, ConfigError> {
         let mut experiment: Self = reader::read_source(&source)?;
         experiment.device.correlation = Correlations::of(&source)?;
+        let folder = source.path.parent().unwrap_or(Path::new(""));
+        for recording in &mut experiment.recordings {
+            recording.channels.load_compensations(folder);
+            if let Some(reference) = &mut recording.reference {
+                reference.channels.load_compensations(folder);
+            }
+        }
         experiment.source = source;
         experiment.check()?;
         Ok(experiment)
@@ -226,6 +233,7 @@ impl Experiment {
         let mut moved = self.clone();
         for recording in &mut moved.recordings {
             recording.file = place(&recording.file);
+            recording.channels.move_files(place);
             if let Some(reference) = &mut recording.reference {
                 reference.move_file(place);
             }

@@ -1,5 +1,6 @@
 //! How the columns of a recording are to be read, as an experiment file or a program says it.
 
+use crate::TemperatureCurve;
 use crate::units::{Unit, Value};
 use kalmems_formats::{Hints, Instant};
 
@@ -63,6 +64,21 @@ pub struct ColumnReading {
     pub offset: Option<Value>,
     /// The lowest and the highest value that the instrument shows: what is at them or beyond is no measured value.
     pub range: Option<[Value; 2]>,
+    /// What the values are compensated for; in words why that is not known.
+    pub compensation: Option<Result<Box<ColumnCompensation>, String>>,
+}
+
+/// What the values of a column are compensated for: (value − bias − Σ cross-axis sensitivity · other column) / scale factor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColumnCompensation {
+    /// The column with the temperature.
+    pub temperature: DeclaredColumn,
+    /// The bias over the temperature; 0 if left out.
+    pub bias: Option<TemperatureCurve>,
+    /// The scale factor over the temperature; 1 if left out.
+    pub scale_factor: Option<TemperatureCurve>,
+    /// Other columns with the sensitivity to them. These are without their own cross-axis sensitivities: what that leaves is of second order.
+    pub cross_axis: Vec<(String, TemperatureCurve)>,
 }
 
 impl DeclaredColumn {

@@ -163,6 +163,15 @@ impl Channels {
         self.0.iter().map(|(meaning, column)| (meaning.as_str(), column))
     }
 
+    /// Reads the curves that its columns are compensated with; `folder` is that of the file that names them.
+    pub fn load_compensations(&mut self, folder: &Path) {
+        self.0.values_mut().for_each(|column| column.load_compensation(folder));
+    }
+
+    pub(super) fn move_files(&mut self, place: &dyn Fn(&Path) -> PathBuf) {
+        self.0.values_mut().for_each(|column| column.move_file(place));
+    }
+
     /// The columns of a file, all of which need a unit.
     pub fn in_file(&self) -> Vec<(&str, &ColumnChoice, Option<&'static str>)> {
         self.choices().map(|(meaning, column)| (meaning, column, Some(usual_unit(meaning)))).collect()
@@ -253,6 +262,7 @@ impl Reference {
     /// Puts its file, where it has one of its own, elsewhere.
     pub(super) fn move_file(&mut self, place: &dyn Fn(&Path) -> PathBuf) {
         self.file = self.file.as_deref().map(place);
+        self.channels.move_files(place);
     }
 
     /// Its file, where it is not the recording's.

@@ -157,9 +157,9 @@ def batch_files(patterns: SupportsGetItem[int, str]) -> list[tuple[str, Path]]:
     The files that paths and patterns name, each by the name that it has in a batch.
     """
 
-def calibrate(path: str | PathLike[str], progress: _Progress=None) -> tuple[str, str]:
+def calibrate(path: str | PathLike[str], progress: _Progress=None) -> tuple[str, str, dict[str, bytes]]:
     """
-    Calibrates a gyroscope: the figures as JSON, and as text.
+    Calibrates a gyroscope: the figures as JSON, as text, and the pictures.
     """
 
 def check(text: str, path: str | PathLike[str], has_lines: bool) -> tuple[str, str | None, str]:

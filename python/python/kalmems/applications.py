@@ -35,8 +35,12 @@ class _Told:
         return f"<pre>{html.escape(self.text)}</pre>"
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Calibration(_Told):
     """The calibration of a gyroscope, with its budget of uncertainty."""
+
+    figures: dict[str, bytes]
+    """The pictures of the report by their names, as SVG and as PNG."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -84,8 +88,8 @@ class Spectrum(_Told):
 
 def calibrate(path: str | os.PathLike[str], *, progress: Progress = None) -> Calibration:
     """Calibrates a gyroscope, as `kalmems calibrate gyro` does."""
-    found, text = _kalmems.calibrate(Path(path), progress)
-    return Calibration(json.loads(found), text)
+    found, text, figures = _kalmems.calibrate(Path(path), progress)
+    return Calibration(json.loads(found), text, figures)
 
 
 def image(path: str | os.PathLike[str], *, progress: Progress = None) -> Image:

@@ -14,7 +14,7 @@ use super::outcome::{
 };
 use super::peaks::{HALF_WINDOW, PeakToPeak};
 use super::positions_record;
-use super::quantities::{CertificateCheck, RecordOutcome};
+use super::quantities::RecordOutcome;
 use super::rates_record;
 use super::rest::{AxisAtRest, InertialSensor};
 use super::rest_record::{self, MeasuredRest};
@@ -30,6 +30,7 @@ use crate::named_files::NamedFiles;
 use crate::progress::Progress;
 use crate::recording::{OF_RECORD, Purpose};
 use kalmems_core::Portable;
+use kalmems_figures::Figure;
 use realfft::num_complex::Complex64;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -39,8 +40,17 @@ pub fn calibrate(
     file: &GyroscopeCalibration,
     progress: &dyn Progress,
 ) -> Result<Calibration, CalibrationError> {
+    calibrate_with_parts(file, progress, &mut Vec::new())
+}
+
+/// The same, with a picture of the still and the moving parts of each record before anything is computed from them: they are there if it is refused too.
+pub fn calibrate_with_parts(
+    file: &GyroscopeCalibration,
+    progress: &dyn Progress,
+    parts: &mut Vec<Figure>,
+) -> Result<Calibration, CalibrationError> {
     let named = NamedFiles::new("calibration file", Purpose::Calibration, progress);
-    let mut files = InputFiles { file, named, origins: BTreeMap::new() };
+    let mut files = InputFiles { file, named, origins: BTreeMap::new(), parts };
     let mut results = Vec::new();
     for (index, condition) in file.conditions.iter().enumerate() {
         let records = files.unit(index, condition)?;
@@ -151,13 +161,11 @@ fn compare_angles(results: &mut [CalibratedGyroscope], positions: &mut RecordOut
                      mounting, or state the angle as `uncertainty.alignment`"
                 ));
             }
-            positions.checks.push(CertificateCheck {
-                what: format!(
-                    "{place}: the angle between the gyroscopes of {a} and {b} is that by the positions"
-                ),
-                passes: difference.abs() <= limit,
+            positions.check(
+                format!("{place}: the angle between the gyroscopes of {a} and {b} is that by the positions"),
+                difference.abs() <= limit,
                 found,
-            });
+            );
         }
     }
 }

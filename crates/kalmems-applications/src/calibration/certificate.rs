@@ -7,7 +7,7 @@ use super::inputs::{OF_REPEATABILITY, OF_REPRODUCIBILITY};
 use super::outcome::{CalibratedGyroscope, Calibration, CrossCheck, UncertainEstimate};
 use super::quantities::{CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome};
 use super::rest::{BiasMethod, InertialSensor};
-use super::results::{at_rest, budget, comparisons, matrix, with_uncertainty};
+use super::results::{at_rest, budget, comparisons, matrix, noted, with_uncertainty};
 use super::tone::AXES;
 use crate::calibration::file::CertificateDetails;
 use crate::metrology::{Input, coverage_probability};
@@ -478,7 +478,7 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
     }
     if !found.rest.is_empty() {
         let rests: Vec<_> = found.rest.iter().collect();
-        page = page.with(at_rest(&rests).into_iter().fold(PageSection::new("At rest"), PageSection::table));
+        page = page.with(at_rest(&rests).fold(PageSection::new("At rest"), PageSection::table));
     }
     page = page.with(PageSection::new("Method").paragraph(certificate.method.clone()));
     for result in &found.results {
@@ -498,11 +498,7 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
     }
     page = page.with(checks_section(certificate, found));
     if !certificate.not_stated.is_empty() {
-        let mut section = PageSection::new("Not stated");
-        for line in &certificate.not_stated {
-            section = section.notice(NoticeSeverity::Note, line.clone());
-        }
-        page = page.with(section);
+        page = page.with(noted(PageSection::new("Not stated"), certificate.not_stated.clone()));
     }
     page = page.with(PageSection::new("Records").table(files_table(certificate)).paragraph(format!(
         "Computed by {}. The same files give the same certificate to the last byte.",
@@ -530,18 +526,11 @@ fn checks_section(certificate: &Certificate, found: &Calibration) -> PageSection
         let explained = if check.passes { String::new() } else { link("applications") };
         valid = valid.notice(severity, format!("{word}{}: {}{explained}", check.what, check.found));
     }
-    for result in &found.results {
-        for line in &result.not_observed {
-            valid = valid.notice(NoticeSeverity::Note, format!("Not observed: {line}"));
-        }
-    }
-    for line in found.records.iter().flat_map(|record| &record.not_observed) {
-        valid = valid.notice(NoticeSeverity::Note, format!("Not observed: {line}"));
-    }
-    for finding in &found.findings {
-        valid = valid.notice(NoticeSeverity::Note, finding.clone());
-    }
-    valid
+    let of_results = found.results.iter().flat_map(|result| &result.not_observed);
+    let not_observed = of_results.chain(found.records.iter().flat_map(|record| &record.not_observed));
+    let lines =
+        not_observed.map(|line| format!("Not observed: {line}")).chain(found.findings.iter().cloned());
+    noted(valid, lines)
 }
 
 /// ISO/IEC 17025, 7.8.2.1.

@@ -1,27 +1,41 @@
-//! Polynomials of the temperature as a header in C and as a module in Rust.
+//! Curves over the temperature as a header in C and as a module in Rust.
 
-use super::quantities::TemperaturePolynomial;
+use crate::config::{CurvePiece, TemperatureCurve};
 
-/// The polynomial in `off`, as both languages have it.
-fn expression(coefficients: &[f64]) -> String {
+/// The polynomial in the temperature less its reference, as both languages have it.
+fn polynomial(piece: &CurvePiece, temperature: &str) -> String {
+    let CurvePiece { reference_k, coefficients } = piece;
+    let off = format!("({temperature} - ({reference_k:e}))");
     let steps = coefficients.iter().rev().map(|coefficient| format!("({coefficient:e})"));
     steps
-        .reduce(|value, coefficient| format!("({value} * off + {coefficient})"))
+        .reduce(|value, coefficient| format!("({value} * {off} + {coefficient})"))
         .unwrap_or_else(|| "0e0".to_owned())
 }
 
+/// The pieces, each of which stands for the temperatures from its reference on; `choice` writes a condition with both values.
+fn expression(
+    curve: &TemperatureCurve,
+    temperature: &str,
+    choice: impl Fn(&str, &str, &str) -> String,
+) -> String {
+    let pieces = curve.pieces.iter().map(|piece| (piece.reference_k, polynomial(piece, temperature)));
+    let all = pieces.reduce(|(_, before), (from, piece)| {
+        (from, choice(&format!("{temperature} < {from:e}"), &before, &piece))
+    });
+    all.map_or_else(|| "0e0".to_owned(), |(_, expression)| expression)
+}
+
 /// The header: for each number a function of the temperature in K, which is held within the range of the record.
-pub(super) fn header(polynomials: &[&TemperaturePolynomial]) -> String {
-    let functions = polynomials.iter().map(|polynomial| {
-        let TemperaturePolynomial { name, unit, reference_k, range_k: [low, high], coefficients } = polynomial;
+pub(super) fn header(curves: &[&TemperatureCurve]) -> String {
+    let functions = curves.iter().map(|curve| {
+        let TemperatureCurve { name, unit, range_k: [low, high], .. } = curve;
         format!(
             "\n/* {name} in {unit}. */\nstatic inline double kalmems_{name}(double temperature_K) {{\n    const double low = {low:e}, high = {high:e};\n    \
-             const double within = temperature_K < low ? low : temperature_K > high ? high : temperature_K;\n    \
-             const double off = within - ({reference_k:e});\n    return {};\n}}\n",
-            expression(coefficients)
+             const double within = temperature_K < low ? low : temperature_K > high ? high : temperature_K;\n    return {};\n}}\n",
+            expression(curve, "within", |condition, before, piece| format!("({condition} ? {before} : {piece})"))
         )
     });
-    "/* Polynomials of the temperature by kalmems calibrate. Each function takes the temperature in K and holds it within the range of the\n   record: beyond it \
+    "/* Numbers over the temperature by kalmems calibrate. Each function takes the temperature in K and holds it within the range of the\n   record: beyond it \
      nothing was measured. */\n#ifndef KALMEMS_TEMPERATURE_H\n#define KALMEMS_TEMPERATURE_H\n"
         .to_owned()
         + &functions.collect::<String>()
@@ -29,15 +43,17 @@ pub(super) fn header(polynomials: &[&TemperaturePolynomial]) -> String {
 }
 
 /// The same as a module in Rust, without the standard library.
-pub(super) fn rust_module(polynomials: &[&TemperaturePolynomial]) -> String {
-    let functions = polynomials.iter().map(|polynomial| {
-        let TemperaturePolynomial { name, unit, reference_k, range_k: [low, high], coefficients } = polynomial;
+pub(super) fn rust_module(curves: &[&TemperatureCurve]) -> String {
+    let functions = curves.iter().map(|curve| {
+        let TemperatureCurve { name, unit, range_k: [low, high], .. } = curve;
         format!(
-            "\n/// {name} in {unit}.\npub fn {name}(temperature_k: f64) -> f64 {{\n    let off = temperature_k.clamp({low:e}, {high:e}) - ({reference_k:e});\n    {}\n}}\n",
-            expression(coefficients)
+            "\n/// {name} in {unit}.\npub fn {name}(temperature_k: f64) -> f64 {{\n    let within = temperature_k.clamp({low:e}, {high:e});\n    {}\n}}\n",
+            expression(curve, "within", |condition, before, piece| format!(
+                "if {condition} {{ {before} }} else {{ {piece} }}"
+            ))
         )
     });
-    "//! Polynomials of the temperature by kalmems calibrate. Each function takes the temperature in K and holds it within the range of the\n//! record: beyond it \
+    "//! Numbers over the temperature by kalmems calibrate. Each function takes the temperature in K and holds it within the range of the\n//! record: beyond it \
      nothing was measured.\n#![allow(unused_parens)]\n"
         .to_owned()
         + &functions.collect::<String>()

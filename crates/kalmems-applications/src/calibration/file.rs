@@ -51,6 +51,9 @@ pub struct GyroscopeCalibration {
     /// Records on a rate table that turns at one rate after the other.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rates: Vec<RatesRecord>,
+    /// The curves through the results of `rates` at several temperatures.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rates_over_temperature: Option<CurveChoice>,
     /// Records of turns by a known angle, between which the unit rests.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub turns: Vec<TurnsRecord>,
@@ -373,8 +376,12 @@ pub struct RatesRecord {
     /// By what angle the unit's axis may be off that of the table: in full in the cross-axis sensitivities, in second order in the scale factor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alignment: Option<StandardUncertainty<Angle>>,
-    /// The latitude, positive in the north, of a table with a vertical axis and the unit's axis upwards: the vertical part of the Earth's rotation is then
-    /// added to the rate of the table. Otherwise the bias has it, and its interval allows for it.
+    /// Of a table with a vertical axis: where the unit's axis points, `up` or `down`. The rate of the table counts about the vertical, so that downwards the
+    /// unit turns the other way round. Records of both mountings give the gyroscopes' sensitivity to the specific force.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mounting: Option<Mounting>,
+    /// The latitude, positive in the north, of a table with a vertical axis, with the unit's axis upwards if no `mounting` is stated: the vertical part of the
+    /// Earth's rotation is then added to the rate of the table. Otherwise the bias has it, and its interval allows for it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub latitude: Option<Quantity<Angle>>,
     /// The temperature of the unit. Records of one axis at several temperatures give scale factor, bias and cross-axis sensitivity over the temperature.
@@ -490,9 +497,65 @@ pub struct TemperatureRecord {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 4))]
     pub order: Option<u8>,
-    /// The temperature from which the polynomials count; the middle of the record's range if left out.
+    /// Natural cubic splines instead, with so many knots at equal distances over the range of the temperature.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 3, max = 8))]
+    pub knots: Option<u8>,
+    /// The temperature from which the polynomials count, and at which the hysteresis is stated; the middle of the record's range if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference: Option<Quantity<Temperature, Positive>>,
+}
+
+/// What is stated of curves over the temperature.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CurveChoice {
+    /// The order of the polynomials, 1 to 4; 1 if left out, and 2 from five records on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 4))]
+    pub order: Option<u8>,
+    /// Natural cubic splines instead, with so many knots at equal distances over the range of the temperature.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 3, max = 8))]
+    pub knots: Option<u8>,
+    /// The temperature from which the polynomials count; the middle of the range if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reference: Option<Quantity<Temperature, Positive>>,
+}
+
+impl TemperatureRecord {
+    /// What it states of its curves.
+    pub fn curve(&self) -> CurveChoice {
+        CurveChoice { order: self.order, knots: self.knots, reference: self.reference.clone() }
+    }
+}
+
+impl CurveChoice {
+    /// The key that is wrong, and why.
+    fn check(&self) -> Result<(), (&'static str, String)> {
+        match (self.order, self.knots) {
+            (Some(_), Some(_)) => {
+                Err(("knots", "found `order` and `knots`; expected one of them".to_owned()))
+            }
+            (Some(order), None) if !(1..=4).contains(&order) => {
+                Err(("order", format!("an order of {order}; expected 1 to 4")))
+            }
+            (None, Some(knots)) if !(3..=8).contains(&knots) => {
+                Err(("knots", format!("{knots} knots; expected 3 to 8")))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Where an axis of the unit points on a table with a vertical axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Mounting {
+    /// Upwards.
+    Up,
+    /// Downwards.
+    Down,
 }
 
 /// An axis of the unit.
@@ -546,7 +609,19 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 impl ApplicationFile for GyroscopeCalibration {
     const TITLE: &'static str = "A kalmems calibration of a gyroscope";
 
-    fn with_source(self, source: Source) -> Self {
+    fn with_source(mut self, source: Source) -> Self {
+        let folder = source.path.parent().unwrap_or(Path::new(""));
+        let unit = &mut self.gyroscope;
+        let of_rest = self.rest.iter_mut().flat_map(|rest| [&mut rest.channels, &mut rest.accelerometers]);
+        let of_cycle =
+            self.temperature.iter_mut().flat_map(|cycle| [&mut cycle.channels, &mut cycle.accelerometers]);
+        let of_unit =
+            [&mut unit.channels, &mut unit.accelerometers].into_iter().chain(of_rest).chain(of_cycle);
+        let references = self.conditions.iter_mut().flat_map(|condition| &mut condition.references);
+        let of_references = references.map(|reference| &mut reference.channels);
+        for channels in of_unit.flatten().chain(of_references) {
+            channels.load_compensations(folder);
+        }
         Self { source, ..self }
     }
 
@@ -655,11 +730,16 @@ impl GyroscopeCalibration {
             }
             self.check_record(&key, &positions.of_unit(&self.gyroscope))?;
         }
+        let of_cycle = self.temperature.iter().map(|record| ("temperature", record.curve()));
+        let of_rates =
+            self.rates_over_temperature.iter().map(|choice| ("rates_over_temperature", choice.clone()));
+        for (table, choice) in of_cycle.chain(of_rates) {
+            if let Err((key, why)) = choice.check() {
+                return refuse(Key::from(table).child(key), why);
+            }
+        }
         if let Some(record) = &self.temperature {
             let key = Key::from("temperature");
-            if let Some(order) = record.order.filter(|order| !(1..=4).contains(order)) {
-                return refuse(key.child("order"), format!("an order of {order}; expected 1 to 4"));
-            }
             self.check_record(&key, &record.of_unit(&self.gyroscope))?;
         }
         let unit = &self.gyroscope;

@@ -2,6 +2,7 @@
 
 use super::error::CalibrationError;
 use super::tone::{AXES, AxisSignals};
+use super::unit_record::{RecordOfUnit, UnitSamples};
 use crate::calibration::file::{
     Condition, GyroscopeCalibration, InertialUnit, MotionReference, is_per_record,
 };
@@ -11,6 +12,7 @@ use crate::named_files::{NamedFileError, NamedFiles};
 use crate::recording::{Finding, Instant, RecordingLayout, SampledRecording, Segment, moved_by};
 use crate::recording::{Stretch, StretchSize};
 use crate::units::{Kind, Unit, kind};
+use kalmems_figures::Figure;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -48,6 +50,8 @@ pub struct InputFiles<'a> {
     pub named: NamedFiles<'a>,
     /// Where the times of each record of the gyroscope count from.
     pub origins: BTreeMap<String, Instant>,
+    /// The still and the moving parts of each record, as they were found.
+    pub parts: &'a mut Vec<Figure>,
 }
 
 impl InputFiles<'_> {
@@ -206,6 +210,24 @@ impl InputFiles<'_> {
             NamedFileError::Missing(why) => self.file.error(key, ConfigFault::Value { why }).into(),
             NamedFileError::Read(error) => error.into(),
         }
+    }
+}
+
+impl<'f> InputFiles<'f> {
+    /// Measures each record of a table of the calibration file.
+    pub fn each<R, T>(
+        &mut self,
+        table: &str,
+        records: &'f [R],
+        of_unit: impl Fn(&'f R, &'f InertialUnit) -> RecordOfUnit<'f>,
+        measure: impl Fn(&R, &UnitSamples, &mut Vec<Figure>) -> Result<T, CalibrationError>,
+    ) -> Result<Vec<T>, CalibrationError> {
+        let unit = &self.file.gyroscope;
+        let each = records.iter().enumerate().map(|(index, record)| {
+            let samples = of_unit(record, unit).read(self, Key::from(table).index(index).child("file"))?;
+            measure(record, &samples, self.parts)
+        });
+        each.collect()
     }
 }
 

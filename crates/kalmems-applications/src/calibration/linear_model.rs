@@ -31,6 +31,15 @@ impl<const P: usize> LinearModel<'_, P> {
     }
 }
 
+/// What a fit leaves, in words.
+pub(super) fn residuals_left<const P: usize>(found: &Fit<P>, unit: &str) -> String {
+    format!(
+        "residuals of {:.2e} {unit} at {} degrees of freedom",
+        found.residual_deviation(),
+        found.degrees_of_freedom
+    )
+}
+
 /// A residual stands out if in so many records of normal residuals one does.
 const FALSE_ALARMS: f64 = 1e-3;
 

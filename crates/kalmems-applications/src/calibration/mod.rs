@@ -45,21 +45,22 @@ mod sine_record;
 mod still;
 mod stretches;
 mod sweep;
+mod temperature_curve;
 mod temperature_record;
 mod tone;
 mod turns_record;
 mod unit_record;
 
-pub use calibrate::calibrate;
+pub use calibrate::{calibrate, calibrate_with_parts};
 pub use centre::{Centre, ShakenRecord};
 #[cfg(feature = "report")]
 pub use certificate::{Certificate, certificate_page};
 pub use comparison::ReferenceComparison;
 pub use error::CalibrationError;
 pub use file::{
-    CertificateDetails, Condition, GyroscopeCalibration, InertialUnit, MonteCarlo, MotionReference,
-    PositionsRecord, RatesRecord, RestRecord, SineRecord, StatedUncertainty, TableAxis, TemperatureRecord,
-    TurnsRecord,
+    CertificateDetails, Condition, CurveChoice, GyroscopeCalibration, InertialUnit, MonteCarlo,
+    MotionReference, Mounting, PositionsRecord, RatesRecord, RestRecord, SineRecord, StatedUncertainty,
+    TableAxis, TemperatureRecord, TurnsRecord,
 };
 pub use matrix::{CalibrationMatrix, LeaveOneOut, RatePair, Repeatability};
 pub use noise_fit::{NoFit, NoiseFit};
@@ -70,13 +71,13 @@ pub use outcome::{
     ScaleFactorChange, UncertainEstimate, UncertaintyContribution,
 };
 pub use peaks::{HALF_WINDOW, PeakToPeak};
-pub use quantities::{
-    CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome, TemperaturePolynomial,
-};
+pub use quantities::{CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome};
 pub use rest::{AxisAtRest, BiasMethod, InertialSensor, NoiseTerm};
 pub use rest_samples::RestSamples;
 #[cfg(feature = "report")]
-pub use results::{CalibrationSummary, RestSummary, calibration_figures, write_calibration};
+pub use results::{
+    CalibrationSummary, RestSummary, calibration_figures, write_calibration, write_refused_calibration,
+};
 pub use simulated::{SimulatedInstrument, SimulatedUnit, Vibration};
 pub use tone::{AXES, AxisSignals, Component, FEWEST_PERIODS, FEWEST_SAMPLES, ToneError, VibrationTone};
 pub use unit_record::RecordOfUnit;

@@ -8,10 +8,8 @@ use super::positions::{
     gyroscope_matrix, next_position, positions_standing_out,
 };
 use super::quantities::{
-    CertificateCheck, EARTH_RATE, QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter, contribution,
-    stated_contribution,
+    EARTH_RATE, QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter, contribution, stated_contribution,
 };
-use super::still::{StillChannel, still_parts};
 use super::tone::AXES;
 use super::unit_record::UnitSamples;
 use crate::calibration::file::PositionsRecord;
@@ -45,6 +43,8 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
     let samples = record.of_unit(&file.gyroscope).read(files, Key::from("positions").child("file"))?;
     let shortest_s = record.shortest.as_ref().map_or(SHORTEST_S, Quantity::si);
     let found = FoundPositions::of(&samples, shortest_s);
+    let parts = parts(&samples, &found, record.gravity.si());
+    files.parts.push(parts.clone());
     if found.positions.len() < FEWEST_POSITIONS {
         return Err(CalibrationError::Positions {
             place: samples.place,
@@ -64,7 +64,7 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
     };
     let mut outcome = RecordOutcome::new("positions", "Positions", method(has_gyroscopes));
     outcome.tables.push(positions_table(&samples, &found, &accelerometers, gravity));
-    outcome.figures.push(figure(&samples, &found, &accelerometers, gravity));
+    outcome.figures.push(figure(parts, &samples, &found, &accelerometers, gravity));
     outcome.warnings.clone_from(&samples.remarks);
     if record.gravity_uncertainty.is_none() {
         outcome.not_stated.push("positions.gravity_uncertainty".to_owned());
@@ -93,25 +93,19 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
 
 impl FoundPositions {
     fn of(samples: &UnitSamples, shortest_s: f64) -> Self {
-        let shortest = samples.rows_of(shortest_s);
         let (all_rates, all_forces) = (samples.rates(), samples.forces());
         let axes = |all: &[Option<&[f64]>; 3], row: usize| -> [f64; 3] {
             std::array::from_fn(|axis| all[axis].and_then(|values| values.get(row)).copied().unwrap_or(0.0))
         };
         let mut found = Self { rows: Vec::new(), positions: Vec::new(), motions: Vec::new(), noise: 0.0 };
         let mut variances = Vec::new();
-        for stretch in &samples.time.rows {
-            let channels: Vec<StillChannel> = [(&all_rates, true), (&all_forces, false)]
-                .into_iter()
-                .flat_map(|(all, is_rate)| all.iter().flatten().map(move |values| (values, is_rate)))
-                .map(|(values, is_rate)| StillChannel {
-                    values: values.get(stretch.clone()).unwrap_or_default(),
-                    is_rate,
-                })
-                .collect();
+        let columns: Vec<(&[f64], bool)> = [(&all_rates, true), (&all_forces, false)]
+            .into_iter()
+            .flat_map(|(all, is_rate)| all.iter().flatten().map(move |values| (*values, is_rate)))
+            .collect();
+        for parts in samples.still_parts(shortest_s, &columns) {
             let mut before: Option<usize> = None;
-            for part in still_parts(&channels, shortest) {
-                let rows = stretch.start + part.start..stretch.start + part.end;
+            for rows in parts {
                 let count = rows.len() as f64;
                 let mean = |all: &[Option<&[f64]>; 3]| -> [f64; 3] {
                     let mut sum = [0.0; 3];
@@ -213,16 +207,16 @@ fn judge_accelerometers(
             size
         ));
     }
-    outcome.checks.push(CertificateCheck {
-        what: "positions: the specific force has the magnitude of gravity in each position".to_owned(),
-        passes: standing_out.is_empty(),
-        found: format!(
+    outcome.check(
+        "positions: the specific force has the magnitude of gravity in each position".to_owned(),
+        standing_out.is_empty(),
+        format!(
             "residuals of {:.2e} m/s² at {} degrees of freedom; white noise alone would leave {:.2e} m/s²",
             fit.residual_deviation(),
             fit.degrees_of_freedom,
             found.noise
         ),
-    });
+    );
 }
 
 fn of_gyroscopes(outcome: &mut RecordOutcome, found: &GyroscopeFit, freedom_of_accelerometers: usize) {
@@ -233,11 +227,10 @@ fn of_gyroscopes(outcome: &mut RecordOutcome, found: &GyroscopeFit, freedom_of_a
     };
     let exchanged: Vec<&str> = (0..3).filter(|axis| own(*axis) < OWN_AXIS).map(|axis| AXES[axis]).collect();
     let is_square = exchanged.is_empty();
-    outcome.checks.push(CertificateCheck {
-        what: "positions: the gyroscopes' axes are those of the accelerometers, with the same signs"
-            .to_owned(),
-        passes: is_square,
-        found: if is_square {
+    outcome.check(
+        "positions: the gyroscopes' axes are those of the accelerometers, with the same signs".to_owned(),
+        is_square,
+        if is_square {
             format!("residuals of {:.2e} rad in the direction of gravity", found.fit.residual_deviation())
         } else {
             let rows = matrix.map(|row| row.map(|entry| format!("{:+.2}", entry.value())).join(" "));
@@ -246,7 +239,7 @@ fn of_gyroscopes(outcome: &mut RecordOutcome, found: &GyroscopeFit, freedom_of_a
                 rows.join("; ")
             )
         },
-    });
+    );
     if !is_square {
         outcome.warnings.push(format!(
             "the gyroscope of {} turns about another axis than the accelerometers say, or with the other sign: exchange the columns or correct their \
@@ -279,7 +272,7 @@ fn of_gyroscopes(outcome: &mut RecordOutcome, found: &GyroscopeFit, freedom_of_a
 
 /// Biases and sensitivities to the specific force.
 fn of_rest_means(outcome: &mut RecordOutcome, each: &[Fit<4>; 3], is_earth_known: bool) {
-    let sensitivity = QuantityUnit::other("rad*s/m", 3600.0_f64.to_degrees() * STANDARD_GRAVITY, "deg/h/gn");
+    let sensitivity = QuantityUnit::force_sensitivity();
     for (fit, axis) in each.iter().zip(AXES) {
         let bias = fit.parameter(0);
         let inputs_of = |deviation: f64| by_scatter(deviation, fit.degrees_of_freedom);
@@ -340,8 +333,8 @@ fn positions_table(samples: &UnitSamples, found: &FoundPositions, fit: &Fit<9>, 
     table
 }
 
-/// What was taken as still, above the residuals.
-fn figure(samples: &UnitSamples, found: &FoundPositions, fit: &Fit<9>, gravity: f64) -> Figure {
+/// What was taken as still.
+fn parts(samples: &UnitSamples, found: &FoundPositions, gravity: f64) -> Figure {
     let forces = AXES.into_iter().zip(samples.forces());
     let panel = samples.panel_of_parts(
         Axis::new("specific force", "m/s^2"),
@@ -349,6 +342,23 @@ fn figure(samples: &UnitSamples, found: &FoundPositions, fit: &Fit<9>, gravity: 
         "taken as still",
         found.rows.iter().map(|rows| (rows.clone(), -1.2 * gravity)),
     );
+    Figure::new(
+        "positions",
+        "Positions",
+        "The accelerometers with the parts that were taken as still (lines below them), and by how much the magnitude of the specific force differs \
+         from gravity in each of these positions.",
+    )
+    .with(panel)
+}
+
+/// The parts above the residuals.
+fn figure(
+    parts: Figure,
+    samples: &UnitSamples,
+    found: &FoundPositions,
+    fit: &Fit<9>,
+    gravity: f64,
+) -> Figure {
     let residuals: Vec<(f64, f64)> = gravity_residuals(&found.positions, fit, gravity)
         .into_iter()
         .zip(&found.rows)
@@ -359,12 +369,5 @@ fn figure(samples: &UnitSamples, found: &FoundPositions, fit: &Fit<9>, gravity: 
         .with(Series::points("each position", SeriesRole::Estimate, residuals))
         .with(Series::level("two standard deviations", SeriesRole::Bound, scatter))
         .with(Series::level("", SeriesRole::Bound, -scatter));
-    Figure::new(
-        "positions",
-        "Positions",
-        "The accelerometers with the parts that were taken as still (lines below them), and by how much the magnitude of the specific force differs \
-         from gravity in each of these positions.",
-    )
-    .with(panel)
-    .with(below)
+    parts.with(below)
 }

@@ -3,8 +3,8 @@
 use super::file::InertialUnit;
 use super::outcome::{CalibratedGyroscope, UncertainEstimate};
 use super::tone::AXES;
-use crate::config::Channels;
 use crate::config::kinds::KindOf;
+use crate::config::{Channels, TemperatureCurve};
 use crate::metrology::{Budget, Distribution, Evaluation, Input, StandardUncertainty};
 use kalmems_figures::{Figure, TextTable};
 use serde::{Serialize, Serializer};
@@ -41,6 +41,11 @@ impl QuantityUnit {
         Self { unit, factor, shown, unknown: f64::MAX }
     }
 
+    /// What a gyroscope shows of the specific force.
+    pub fn force_sensitivity() -> Self {
+        Self::other("rad*s/m", 3600.0_f64.to_degrees() * STANDARD_GRAVITY, "deg/h/gn")
+    }
+
     /// The bias of a gyroscope.
     pub fn rate() -> Self {
         Self::other("rad/s", 3600.0_f64.to_degrees(), "deg/h")
@@ -64,21 +69,6 @@ pub struct CalibratedQuantity {
 
 fn in_si<S: Serializer>(unit: &QuantityUnit, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(unit.unit)
-}
-
-/// A number as a polynomial of the temperature, with which it can be compensated.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct TemperaturePolynomial {
-    /// The number, such as `gyroscope_bias_z`.
-    pub name: String,
-    /// The unit of the number in SI.
-    pub unit: &'static str,
-    /// The temperature in K from which the polynomial counts.
-    pub reference_k: f64,
-    /// The temperatures in K of the record, lowest and highest.
-    pub range_k: [f64; 2],
-    /// The coefficients from the constant on, of the temperature in K from the reference.
-    pub coefficients: Vec<f64>,
 }
 
 /// A check of what was assumed.
@@ -105,9 +95,9 @@ pub struct RecordOutcome {
     pub method: String,
     /// The numbers.
     pub quantities: Vec<CalibratedQuantity>,
-    /// Polynomials of the temperature.
+    /// Curves over the temperature.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub compensation: Vec<TemperaturePolynomial>,
+    pub compensation: Vec<TemperatureCurve>,
     /// The parts of the record, row by row.
     #[serde(skip)]
     pub tables: Vec<TextTable>,
@@ -204,6 +194,11 @@ impl RecordOutcome {
         outcome.push_sensitivities(unit);
         outcome.quantities.drain(..factors);
         (!outcome.quantities.is_empty()).then_some(outcome)
+    }
+
+    /// Adds a check of what was assumed.
+    pub(super) fn check(&mut self, what: impl Into<String>, passes: bool, found: impl Into<String>) {
+        self.checks.push(CertificateCheck { what: what.into(), passes, found: found.into() });
     }
 
     /// Adds a number; one that the record does not determine is named instead.

@@ -3,16 +3,15 @@
 
 use super::error::CalibrationError;
 use super::files::InputFiles;
-use super::linear_model::{LinearModel, standing_out};
+use super::linear_model::{LinearModel, residuals_left, standing_out};
 use super::quantities::{
-    CertificateCheck, EARTH_RATE, QuantityUnit, RecordOutcome, by_scatter, contribution, stated_contribution,
+    EARTH_RATE, QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter, contribution, stated_contribution,
 };
-use super::still::{StillChannel, still_parts};
 use super::tone::AXES;
 use super::unit_record::UnitSamples;
-use crate::calibration::file::RatesRecord;
-use crate::config::{Key, Quantity};
-use crate::fit::{Fit, FitError};
+use crate::calibration::file::{Mounting, RatesRecord};
+use crate::config::Quantity;
+use crate::fit::{DerivedNumber, Fit, FitError};
 use crate::metrology::{Evaluation, Input};
 use kalmems_core::{Dual, Portable, Scalar};
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -61,19 +60,27 @@ type TermFunction<'a> = &'a dyn Fn(&[TermDual; TERMS]) -> TermDual;
 /// The outcome of each record on a rate table.
 pub(super) fn measure(files: &mut InputFiles) -> Result<Vec<RecordOutcome>, CalibrationError> {
     let file = files.file;
-    let mut outcomes = Vec::with_capacity(file.rates.len());
-    for (index, record) in file.rates.iter().enumerate() {
-        let key = Key::from("rates").index(index);
-        let samples = record.of_unit(&file.gyroscope).read(files, key.child("file"))?;
-        outcomes.push(measure_one(record, &samples)?);
+    let found = files.each("rates", &file.rates, RatesRecord::of_unit, measure_one)?;
+    let (mut outcomes, biases): (Vec<RecordOutcome>, Vec<RecordBiases>) = found.into_iter().unzip();
+    let mountings = by_mountings(&file.rates, &biases);
+    match outcomes.last_mut() {
+        Some(_) if !mountings.quantities.is_empty() => outcomes.push(mountings),
+        // Positions determine it as well.
+        Some(last) if file.positions.is_none() => last.not_observed.extend(mountings.not_observed),
+        _ => {}
     }
     Ok(outcomes)
 }
 
-fn measure_one(record: &RatesRecord, samples: &UnitSamples) -> Result<RecordOutcome, CalibrationError> {
+fn measure_one(
+    record: &RatesRecord,
+    samples: &UnitSamples,
+    shown: &mut Vec<Figure>,
+) -> Result<(RecordOutcome, RecordBiases), CalibrationError> {
     let shortest_s = record.shortest.as_ref().map_or(SHORTEST_S, Quantity::si);
     let earth = record.latitude.as_ref().map(|latitude| EARTH_RATE * latitude.si().portable_sin());
-    let steps = Steps::of(samples, shortest_s, earth.unwrap_or(0.0));
+    let steps = Steps::of(samples, shortest_s, earth.unwrap_or(0.0), sign(record));
+    shown.push(steps.parts(samples, record));
     let rates = steps.different_rates();
     if steps.each.len() < FEWEST_STEPS || rates < FEWEST_RATES || !steps.has_both_signs() {
         return Err(CalibrationError::Steps {
@@ -91,6 +98,7 @@ fn measure_one(record: &RatesRecord, samples: &UnitSamples) -> Result<RecordOutc
         outcome.not_stated.push(format!("table_uncertainty of the rates `{}`", record.name));
     }
     let main = record.axis.index();
+    let mut biases = [None; 3];
     for (axis, name) in AXES.into_iter().enumerate() {
         let Some(values) = steps.each.iter().map(|step| step.shown[axis]).collect::<Option<Vec<f64>>>()
         else {
@@ -103,6 +111,7 @@ fn measure_one(record: &RatesRecord, samples: &UnitSamples) -> Result<RecordOutc
         if !knows_direction {
             found = model.fit(std::array::from_fn(|term| term != DIRECTION)).map_err(failed)?;
         }
+        biases[axis] = Some((found.parameter(BIAS), found.degrees_of_freedom));
         if axis == main {
             steps.of_main(&mut outcome, record, &found, earth.is_some());
             if knows_direction {
@@ -133,8 +142,67 @@ fn measure_one(record: &RatesRecord, samples: &UnitSamples) -> Result<RecordOutc
             outcome.push_known(name, QuantityUnit::RATIO, slope.value, inputs);
         }
     }
-    Ok(outcome)
+    Ok((outcome, biases))
 }
+
+/// The biases in one record, axis by axis, with degrees of freedom.
+type RecordBiases = [Option<(DerivedNumber, usize)>; 3];
+
+/// The rate about the unit's axis by that of the table.
+fn sign(record: &RatesRecord) -> f64 {
+    if record.mounting == Some(Mounting::Down) { -1.0 } else { 1.0 }
+}
+
+/// The sensitivities to the specific force: half the difference of the biases with an axis up and down, by gravity; and which mounting is missing.
+fn by_mountings(records: &[RatesRecord], biases: &[RecordBiases]) -> RecordOutcome {
+    let mut outcome = RecordOutcome::new("mountings", "Mountings on the table", OF_MOUNTINGS);
+    for (main, along) in AXES.into_iter().enumerate() {
+        let of = |mounting: Option<Mounting>| {
+            let each = records.iter().zip(biases).filter(move |(own, _)| own.axis.index() == main);
+            each.filter(move |(own, _)| mounting.is_none() || own.mounting == mounting)
+        };
+        let [up, down] = [Mounting::Up, Mounting::Down].map(|mounting| of(Some(mounting)).next());
+        let missing = match (up, down) {
+            (None, None) if of(None).next().is_none() => continue,
+            (None, None) => {
+                "state where the axis points as `mounting`, and add a record with the opposite one"
+            }
+            (Some(_), None) => "add a record with the axis downwards, `mounting = \"down\"`",
+            (None, Some(_)) => "add a record with the axis upwards, `mounting = \"up\"`",
+            (Some(_), Some(_)) => "take both mountings at one temperature",
+        };
+        let pairs =
+            of(Some(Mounting::Up)).flat_map(|up| of(Some(Mounting::Down)).map(move |down| (up, down)));
+        let kelvin = |own: &RatesRecord| own.temperature.as_ref().map(Quantity::si);
+        let mut pairs = pairs.filter(|((up, _), (down, _))| kelvin(up) == kelvin(down));
+        let Some(((up, above), (down, below))) = pairs.next() else {
+            outcome.not_observed.push(format!(
+                "the gyroscopes' sensitivity to the specific force along {along}, by records of the rate table: {missing}"
+            ));
+            continue;
+        };
+        let half = 0.5 / STANDARD_GRAVITY;
+        for (axis, name) in AXES.into_iter().enumerate() {
+            let [Some((above, freedom)), Some((below, of_below))] = [above[axis], below[axis]] else {
+                continue;
+            };
+            let mut inputs = by_scatter(half * above.deviation, freedom);
+            inputs.extend(by_scatter(half * below.deviation, of_below));
+            if axis == main && (up.latitude.is_none() || down.latitude.is_none()) {
+                let part = EARTH_RATE / STANDARD_GRAVITY / 3.0_f64.sqrt();
+                let name = "Earth's rotation, latitude not stated";
+                inputs.push(contribution(name, part, f64::INFINITY, Evaluation::B));
+            }
+            let value = half * (above.value - below.value);
+            let unit = QuantityUnit::force_sensitivity();
+            outcome.push_known(format!("gyroscope_force_sensitivity_{name}{along}"), unit, value, inputs);
+        }
+    }
+    outcome
+}
+
+const OF_MOUNTINGS: &str = "Mountings: the sensitivity of a gyroscope to the specific force is half the difference of its biases in two records with the axis of \
+    the table up and down, by standard gravity.";
 
 const METHOD: &str = "Rates: the table turns at constant rates; the parts in which it accelerates are left out. The means at the rates are fitted by a bias, \
     a straight line, a line that differs for both signs, a square and a cube of the rate, and a difference between rates that are reached from below and from \
@@ -142,26 +210,19 @@ const METHOD: &str = "Rates: the table turns at constant rates; the parts in whi
     evaluation.";
 
 impl Steps {
-    fn of(samples: &UnitSamples, shortest_s: f64, earth: f64) -> Self {
-        let shortest = samples.rows_of(shortest_s);
+    fn of(samples: &UnitSamples, shortest_s: f64, earth: f64, sign: f64) -> Self {
         let mut each: Vec<Step> = Vec::new();
         let rates = samples.rates();
-        for stretch in &samples.time.rows {
-            let all = rates.into_iter().flatten().chain([samples.further()]);
-            let channels: Vec<StillChannel> = all
-                .map(|values| StillChannel {
-                    values: values.get(stretch.clone()).unwrap_or_default(),
-                    is_rate: false,
-                })
-                .collect();
+        let all = rates.into_iter().flatten().chain([samples.further()]);
+        let columns: Vec<(&[f64], bool)> = all.map(|values| (values, false)).collect();
+        for parts in samples.still_parts(shortest_s, &columns) {
             let mut before: Option<f64> = None;
-            for part in still_parts(&channels, shortest) {
-                let rows = stretch.start + part.start..stretch.start + part.end;
+            for rows in parts {
                 let mean = |values: &[f64]| {
                     let values = values.get(rows.clone()).unwrap_or_default();
                     values.iter().sum::<f64>() / values.len() as f64
                 };
-                let table = mean(samples.further()) + earth;
+                let table = sign * (mean(samples.further()) + earth);
                 let shown = std::array::from_fn(|axis| rates[axis].map(mean));
                 let direction = before.map_or(0.0, |before| if table > before { 1.0 } else { -1.0 });
                 before = Some(table);
@@ -275,21 +336,17 @@ impl Steps {
             ));
         }
         let name = |what: &str| format!("rates `{}`: {what}", record.name);
-        outcome.checks.push(CertificateCheck {
-            what: name("bias, asymmetry, a polynomial of third order and hysteresis describe the steps"),
-            passes: far.is_empty(),
-            found: format!(
-                "residuals of {:.2e} rad/s at {} degrees of freedom",
-                found.residual_deviation(),
-                found.degrees_of_freedom
-            ),
-        });
+        outcome.check(
+            name("bias, asymmetry, a polynomial of third order and hysteresis describe the steps"),
+            far.is_empty(),
+            residuals_left(found, "rad/s"),
+        );
         let scale = found.derived(|p| self.line(p, |_| true)).value;
-        outcome.checks.push(CertificateCheck {
-            what: name("the gyroscope turns with the table"),
-            passes: scale > 0.5,
-            found: format!("scale factor {scale:+.4}"),
-        });
+        outcome.check(
+            name("the gyroscope turns with the table"),
+            scale > 0.5,
+            format!("scale factor {scale:+.4}"),
+        );
         if scale <= 0.5 {
             outcome.warnings.push(format!(
                 "rates `{}`: the gyroscope of {} shows {scale:+.3} of the rate of the table: its sign is turned, or another axis lies along that of the table; \
@@ -347,6 +404,23 @@ impl Steps {
         table
     }
 
+    /// What was taken as constant.
+    fn parts(&self, samples: &UnitSamples, record: &RatesRecord) -> Figure {
+        let above = samples.panel_of_parts(
+            Axis::new("rate of the table", "deg/s"),
+            [("table", samples.further().iter().map(|rate| rate.to_degrees()).collect())],
+            "taken as constant",
+            self.each.iter().map(|step| (step.rows.clone(), sign(record) * step.table.to_degrees())),
+        );
+        Figure::new(
+            format!("rates-{}", record.name),
+            format!("Rates: {}", record.name),
+            "The rate of the table with the parts that were taken as constant, and by how much the gyroscope differs at each of them from a straight line.",
+        )
+        .with(above)
+    }
+
+    /// The parts above what the steps show beyond the line.
     fn figure(
         &self,
         samples: &UnitSamples,
@@ -354,12 +428,6 @@ impl Steps {
         found: &Fit<TERMS>,
         record: &RatesRecord,
     ) -> Figure {
-        let above = samples.panel_of_parts(
-            Axis::new("rate of the table", "deg/s"),
-            [("table", samples.further().iter().map(|rate| rate.to_degrees()).collect())],
-            "taken as constant",
-            self.each.iter().map(|step| (step.rows.clone(), step.table.to_degrees())),
-        );
         let beyond = self.beyond_the_line(values, found);
         let mut below = Panel::new(
             Axis::new("rate of the table", "deg/s"),
@@ -379,12 +447,6 @@ impl Steps {
                 .collect();
             below = below.with(Series::points(label, role, points));
         }
-        Figure::new(
-            format!("rates-{}", record.name),
-            format!("Rates: {}", record.name),
-            "The rate of the table with the parts that were taken as constant, and by how much the gyroscope differs at each of them from a straight line.",
-        )
-        .with(above)
-        .with(below)
+        self.parts(samples, record).with(below)
     }
 }

@@ -6,9 +6,10 @@ use super::compensation_sources::{header, rust_module};
 use super::noise_yaml::noise_yaml;
 use crate::WriteError;
 use crate::calibration::{
-    AXES, AxisAtRest, CalibratedGyroscope, Calibration, InertialSensor, QuantityUnit, RecordOutcome,
-    ScaleFactorChange, TemperaturePolynomial, UncertainEstimate,
+    AXES, AxisAtRest, CalibratedGyroscope, Calibration, CalibrationError, GyroscopeCalibration,
+    InertialSensor, QuantityUnit, RecordOutcome, ScaleFactorChange, UncertainEstimate,
 };
+use crate::config::TemperatureCurve;
 use crate::recording::RecordingSource;
 use crate::signal::Confident;
 use kalmems_core::Portable;
@@ -98,54 +99,48 @@ impl<'a> CalibrationSummary<'a> {
 
     /// For a terminal.
     pub fn to_text(&self) -> String {
-        let mut text = String::new();
+        let not_observed = |line: &String| format!("not observed: {line}\n");
+        let text_of = |table: TextTable| table.to_text();
+        let mut parts: Vec<String> = Vec::new();
         if !self.results.is_empty() {
-            text += &scale_factors(self.results).to_text();
-            for result in self.results {
-                text += &format!("\n{}", budget(result).to_text());
-                for table in [by_frequency(result), matrix(result), trials(result)].into_iter().flatten() {
-                    text += &format!("\n{}", table.to_text());
-                }
-                for line in sentences(result) {
-                    text += &format!("\n{line}\n");
-                }
-                for line in &result.not_observed {
-                    text += &format!("\nnot observed: {line}\n");
-                }
-                for line in &result.warnings {
-                    text += &format!("\nWARNING: {line}{}\n", link("applications"));
-                }
-            }
+            parts.push(scale_factors(self.results).to_text());
         }
-        if !self.comparisons.is_empty() {
-            text += &format!("\n{}", comparisons(self.comparisons).to_text());
+        for result in self.results {
+            parts.extend(tables_of(result).map(text_of));
+            parts.extend(sentences(result).into_iter().map(|line| line + "\n"));
+            parts.extend(result.not_observed.iter().map(not_observed));
+            let link = link("applications");
+            parts.extend(result.warnings.iter().map(|line| format!("WARNING: {line}{link}\n")));
         }
-        if !self.changes.is_empty() {
-            text += &format!("\n{}", changes(self.changes).to_text());
-        }
+        parts.extend(together(self.comparisons, self.changes).map(text_of));
         let rests: Vec<&AxisAtRest> = self.rest.iter().map(|rest| rest.rest).collect();
-        if !rests.is_empty() {
-            for table in at_rest(&rests) {
-                text += &format!("\n{}", table.to_text());
-            }
-        }
+        parts.extend(at_rest(&rests).map(text_of));
         for record in self.unit_records {
-            for table in std::iter::once(&quantities(record)).chain(&record.tables) {
-                text += &format!("\n{}", table.to_text());
-            }
-            for line in &record.not_observed {
-                text += &format!("\nnot observed: {line}\n");
-            }
-            for line in &record.warnings {
-                text += &format!("\nWARNING: {line}\n");
-            }
+            parts.push(quantities(record).to_text());
+            parts.extend(record.tables.iter().map(TextTable::to_text));
+            parts.extend(record.not_observed.iter().map(not_observed));
+            parts.extend(record.warnings.iter().map(|line| format!("WARNING: {line}\n")));
         }
-        for finding in self.findings {
+        let findings = self.findings.iter().map(|finding| {
             let is_motion = self.rest_motions.contains(finding);
-            text += &format!("\n{}: {finding}\n", if is_motion { "WARNING" } else { "note" });
-        }
-        text
+            format!("{}: {finding}\n", if is_motion { "WARNING" } else { "note" })
+        });
+        parts.extend(findings);
+        parts.join("\n")
     }
+}
+
+/// The budget of a result, and what else it has in tables.
+fn tables_of(result: &CalibratedGyroscope) -> impl Iterator<Item = TextTable> {
+    std::iter::once(budget(result))
+        .chain([by_frequency(result), matrix(result), trials(result)].into_iter().flatten())
+}
+
+/// What is said of several results together.
+fn together(found: &[ReferenceComparison], changed: &[ScaleFactorChange]) -> impl Iterator<Item = TextTable> {
+    let tables =
+        [(!found.is_empty()).then(|| comparisons(found)), (!changed.is_empty()).then(|| changes(changed))];
+    tables.into_iter().flatten()
 }
 
 /// A line for each condition and reference.
@@ -515,8 +510,8 @@ pub(super) fn quantities(record: &RecordOutcome) -> TextTable {
     table
 }
 
-/// The mean of each axis, and the noise that was fitted.
-pub(super) fn at_rest(rests: &[&AxisAtRest]) -> [TextTable; 2] {
+/// The mean of each axis, and the noise that was fitted; none of no axis.
+pub(super) fn at_rest(rests: &[&AxisAtRest]) -> impl Iterator<Item = TextTable> {
     let columns = [
         ColumnHead::text("axis"),
         ColumnHead::number("static bias", ""),
@@ -568,7 +563,7 @@ pub(super) fn at_rest(rests: &[&AxisAtRest]) -> [TextTable; 2] {
             ]);
         }
     }
-    [biases, noises]
+    [biases, noises].into_iter().take(if rests.is_empty() { 0 } else { 2 })
 }
 
 /// With three significant digits.
@@ -797,7 +792,7 @@ fn of_density(rests: &[&AxisAtRest], sensor: InertialSensor) -> Figure {
 }
 
 /// Writes a calibration into a result: `calibration.json`, `calibration.csv` (a line for each entry of K and each bias),
-/// `records.csv`, `allan.csv` and `imu.yaml` where there is a record at rest, `temperature.json`, `temperature.h` and `temperature.rs` where there are polynomials of the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
+/// `records.csv`, `allan.csv` and `imu.yaml` where there is a record at rest, `temperature.json`, `temperature.h` and `temperature.rs` where there are curves over the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
 /// `figures/`, `run.toml`.
 pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) -> Result<(), WriteError> {
     let input_id = input_id(found);
@@ -819,7 +814,7 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
     if let Some(yaml) = noise_yaml(&found.rest, found.file.gyroscope.rate.si()) {
         output.write("imu.yaml", |w| w.write_all(yaml.as_bytes()))?;
     }
-    let compensation: Vec<&TemperaturePolynomial> =
+    let compensation: Vec<&TemperatureCurve> =
         found.records.iter().flat_map(|record| &record.compensation).collect();
     if !compensation.is_empty() {
         output.write("temperature.json", |w| {
@@ -839,9 +834,7 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
     })?;
     let html = explained(certificate_page(&certificate, found, &figures)).to_html()?;
     output.write("certificate.html", |w| w.write_all(html.as_bytes()))?;
-    for figure in &figures {
-        figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))?;
-    }
+    write_figures(&figures, output)?;
     output.write_run(&input_id, || {
         Ok(CalibrationRecord {
             timing: info.timing(),
@@ -850,6 +843,29 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
         })
     })?;
     Ok(())
+}
+
+/// Writes what was found of the parts of the records of a calibration that was refused: `report.html` and the pictures.
+pub fn write_refused_calibration(
+    file: &GyroscopeCalibration,
+    why: &CalibrationError,
+    parts: &[Figure],
+    output: &Output,
+) -> Result<(), WriteError> {
+    let section = PageSection::new("Refused").notice(NoticeSeverity::Warning, why.to_string());
+    let subtitle =
+        "The calibration was refused. The pictures show the parts of the records as they were found.";
+    let page = Page::new(file.name.to_string(), subtitle)
+        .with(parts.iter().cloned().fold(section, PageSection::figure));
+    let html = page.to_html()?;
+    output.write("report.html", |w| w.write_all(html.as_bytes()))?;
+    write_figures(parts, output)
+}
+
+fn write_figures(figures: &[Figure], output: &Output) -> Result<(), WriteError> {
+    figures.iter().try_for_each(|figure| {
+        figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))
+    })
 }
 
 fn entries(found: &Calibration, w: &mut dyn Write) -> io::Result<()> {
@@ -946,6 +962,11 @@ fn allan(rests: &[&AxisAtRest], sensor: InertialSensor, w: &mut dyn Write) -> io
     Ok(())
 }
 
+/// A section with notes, which a print shows as well.
+pub(super) fn noted(section: PageSection, lines: impl IntoIterator<Item = String>) -> PageSection {
+    lines.into_iter().fold(section, |section, line| section.notice(NoticeSeverity::Note, line))
+}
+
 fn page(found: &Calibration, figures: &[Figure]) -> Page {
     let subtitle = found.file.description.clone().unwrap_or_default();
     let mut page = Page::new(found.file.name.to_string(), subtitle);
@@ -963,65 +984,44 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
              budget knows of; what nobody stated is not in it. Crest to trough is the published method, samples about the \
              turning points averaged; with an intercept, as printed, its errors are three to four times larger.",
         );
-        if !found.comparisons.is_empty() {
-            section = section.table(comparisons(&found.comparisons));
-        }
-        if !found.changes.is_empty() {
-            section = section.table(changes(&found.changes));
-        }
-        page = page.with(section);
+        let tables = together(&found.comparisons, &found.changes);
+        page = page.with(tables.fold(section, PageSection::table));
     }
+    let with_not_observed = |section: PageSection, lines: &[String]| {
+        noted(section, lines.iter().map(|line| format!("Not observed: {line}")))
+    };
+    let with_figures = |section: PageSection, is_of: &dyn Fn(&str) -> bool| {
+        figures.iter().filter(|figure| is_of(&figure.id)).cloned().fold(section, PageSection::figure)
+    };
     for result in &found.results {
-        let mut section =
+        let section =
             PageSection::new(format!("Condition {}, reference {}", result.condition, result.reference))
                 .part(PagePart::Evidence);
-        section = section.table(budget(result));
-        for table in [by_frequency(result), matrix(result), trials(result)].into_iter().flatten() {
-            section = section.table(table);
-        }
-        for line in sentences(result) {
-            section = section.paragraph(line);
-        }
-        for line in &result.not_observed {
-            section = section.notice(NoticeSeverity::Note, format!("Not observed: {line}"));
-        }
+        let section = tables_of(result).fold(section, PageSection::table);
+        let section = sentences(result).into_iter().fold(section, PageSection::paragraph);
         let ids =
             ["budget", "records"].map(|kind| format!("{kind}-{}-{}", result.condition, result.reference));
-        for figure in figures.iter().filter(|figure| ids.contains(&figure.id)) {
-            section = section.figure(figure.clone());
-        }
-        page = page.with(section);
+        let section = with_not_observed(section, &result.not_observed);
+        page = page.with(with_figures(section, &|id| ids.iter().any(|own| own == id)));
     }
     if !found.rest.is_empty() {
         let rests: Vec<&AxisAtRest> = found.rest.iter().collect();
-        let mut section = at_rest(&rests).into_iter().fold(PageSection::new("At rest"), PageSection::table);
-        for figure in
-            figures.iter().filter(|figure| figure.id.starts_with("allan") || figure.id.starts_with("density"))
-        {
-            section = section.figure(figure.clone());
-        }
-        page = page.with(section);
+        let section = at_rest(&rests).fold(PageSection::new("At rest"), PageSection::table);
+        page = page.with(with_figures(section, &|id| id.starts_with("allan") || id.starts_with("density")));
     }
     for record in &found.records {
-        let mut section =
+        let section =
             PageSection::new(record.title.clone()).part(PagePart::Evidence).table(quantities(record));
-        for line in &record.warnings {
-            section = section.notice(NoticeSeverity::Warning, line.clone());
-        }
-        for table in &record.tables {
-            section = section.table(table.clone());
-        }
-        for line in &record.not_observed {
-            section = section.notice(NoticeSeverity::Note, format!("Not observed: {line}"));
-        }
+        let warned =
+            |section: PageSection, line: &String| section.notice(NoticeSeverity::Warning, line.clone());
+        let section = record.warnings.iter().fold(section, warned);
+        let section = record.tables.iter().cloned().fold(section, PageSection::table);
+        let section = with_not_observed(section, &record.not_observed);
         page = page.with(record.figures.iter().cloned().fold(section, PageSection::figure));
     }
-    for finding in &found.findings {
-        page = page.with(
-            PageSection::new("In the files")
-                .part(PagePart::Made)
-                .notice(NoticeSeverity::Note, finding.clone()),
-        );
+    if !found.findings.is_empty() {
+        let section = PageSection::new("In the files").part(PagePart::Made);
+        page = page.with(noted(section, found.findings.clone()));
     }
     let file = toml::Value::try_from(&found.file).and_then(|file| toml::to_string(&file));
     let file = file.unwrap_or_else(|e| format!("cannot be written: {e}"));

@@ -3,12 +3,11 @@
 use super::error::CalibrationError;
 use super::file::SineRecord;
 use super::files::InputFiles;
-use super::quantities::{CertificateCheck, QuantityUnit, RecordOutcome, contribution, stated_contribution};
+use super::quantities::{QuantityUnit, RecordOutcome, contribution, stated_contribution};
 use super::rest::InertialSensor;
 use super::sweep::{BandResponse, bands};
 use super::tone::{AXES, AxisSignals, ToneError};
 use super::unit_record::UnitSamples;
-use crate::config::Key;
 use crate::metrology::{Evaluation, Input};
 use kalmems_core::Portable;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -37,14 +36,9 @@ struct Response {
 /// The outcome of each record under sines.
 pub(super) fn measure(files: &mut InputFiles) -> Result<Vec<RecordOutcome>, CalibrationError> {
     let file = files.file;
-    let mut outcomes = Vec::with_capacity(file.sines.len());
-    for (index, record) in file.sines.iter().enumerate() {
-        let key = Key::from("sine").index(index);
-        let samples = record.of_unit(&file.gyroscope).read(files, key.child("file"))?;
-        let responses = responses(record, &samples)?;
-        outcomes.push(outcome(record, &samples, &responses));
-    }
-    Ok(outcomes)
+    files.each("sine", &file.sines, SineRecord::of_unit, |record, samples, _| {
+        Ok(outcome(record, samples, &responses(record, samples)?))
+    })
 }
 
 fn responses(record: &SineRecord, samples: &UnitSamples) -> Result<Vec<Response>, CalibrationError> {
@@ -260,11 +254,7 @@ fn judge(outcome: &mut RecordOutcome, record: &SineRecord, responses: &[Response
         first.ratio.arg().to_degrees(),
         first.frequency_hz
     );
-    outcome.checks.push(CertificateCheck {
-        what: name("the sensor follows the reference at the lowest frequency"),
-        passes: follows,
-        found: found.clone(),
-    });
+    outcome.check(name("the sensor follows the reference at the lowest frequency"), follows, found.clone());
     if !follows {
         outcome.warnings.push(format!(
             "sines `{}`: the sensor shows {found}: its sign is turned, another axis lies along that of the reference, or its unit is wrong; correct `axis`, \
@@ -276,11 +266,11 @@ fn judge(outcome: &mut RecordOutcome, record: &SineRecord, responses: &[Response
         return;
     }
     let distortion = responses.iter().map(|response| response.distortion).fold(0.0, f64::max);
-    outcome.checks.push(CertificateCheck {
-        what: name("the second and third harmonic of the reference are at most 5 % of it"),
-        passes: distortion <= DISTORTION,
-        found: format!("{:.2} %", 100.0 * distortion),
-    });
+    outcome.check(
+        name("the second and third harmonic of the reference are at most 5 % of it"),
+        distortion <= DISTORTION,
+        format!("{:.2} %", 100.0 * distortion),
+    );
 }
 
 fn table(record: &SineRecord, responses: &[Response]) -> TextTable {

@@ -2,15 +2,14 @@
 
 use super::error::CalibrationError;
 use super::files::InputFiles;
-use super::linear_model::{LinearModel, standing_out};
+use super::linear_model::{LinearModel, residuals_left, standing_out};
 use super::quantities::{
-    CertificateCheck, EARTH_RATE, QuantityUnit, RecordOutcome, by_scatter, contribution, stated_contribution,
+    EARTH_RATE, QuantityUnit, RecordOutcome, by_scatter, contribution, stated_contribution,
 };
-use super::still::{StillChannel, still_parts};
 use super::tone::AXES;
 use super::unit_record::UnitSamples;
 use crate::calibration::file::TurnsRecord;
-use crate::config::{Key, Quantity};
+use crate::config::Quantity;
 use crate::fit::{Fit, FitError};
 use crate::metrology::{Evaluation, Input};
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
@@ -49,17 +48,17 @@ struct Turns {
 /// The outcome of each record of turns.
 pub(super) fn measure(files: &mut InputFiles) -> Result<Vec<RecordOutcome>, CalibrationError> {
     let file = files.file;
-    let each = file.turns.iter().enumerate().map(|(index, record)| {
-        let key = Key::from("turns").index(index);
-        let samples = record.of_unit(&file.gyroscope).read(files, key.child("file"))?;
-        measure_one(record, &samples)
-    });
-    each.collect()
+    files.each("turns", &file.turns, TurnsRecord::of_unit, measure_one)
 }
 
-fn measure_one(record: &TurnsRecord, samples: &UnitSamples) -> Result<RecordOutcome, CalibrationError> {
+fn measure_one(
+    record: &TurnsRecord,
+    samples: &UnitSamples,
+    shown: &mut Vec<Figure>,
+) -> Result<RecordOutcome, CalibrationError> {
     let shortest_s = record.shortest.as_ref().map_or(SHORTEST_S, Quantity::si);
     let turns = Turns::of(samples, record, shortest_s);
+    shown.push(turns.parts(record, samples));
     if turns.each.len() < FEWEST_TURNS {
         return Err(CalibrationError::Turns {
             place: samples.place.clone(),
@@ -139,24 +138,14 @@ const METHOD: &str = "Turns: between two rests the unit is turned about one axis
 
 impl Turns {
     fn of(samples: &UnitSamples, record: &TurnsRecord, shortest_s: f64) -> Self {
-        let (shortest, rates) = (samples.rows_of(shortest_s), samples.rates());
+        let rates = samples.rates();
         let mut found = Self { each: Vec::new(), rests: Vec::new(), main: record.axis.index() };
-        for stretch in &samples.time.rows {
-            let part = |values: &'_ [f64], rows: &Range<usize>| {
-                values.get(rows.clone()).unwrap_or_default().to_vec()
-            };
-            let all: Vec<Vec<f64>> =
-                rates.into_iter().flatten().map(|values| part(values, stretch)).collect();
-            let channels: Vec<StillChannel> =
-                all.iter().map(|values| StillChannel { values, is_rate: true }).collect();
-            let rests: Vec<Range<usize>> = still_parts(&channels, shortest)
-                .into_iter()
-                .map(|part| stretch.start + part.start..stretch.start + part.end)
-                .collect();
+        let columns: Vec<(&[f64], bool)> = rates.into_iter().flatten().map(|values| (values, true)).collect();
+        for rests in samples.still_parts(shortest_s, &columns) {
             for pair in rests.windows(2) {
                 let rows = pair[0].end..pair[1].start;
                 let moments = |axis: usize, rest: &Range<usize>| {
-                    let values = part(rates[axis]?, rest);
+                    let values = rates[axis]?.get(rest.clone())?;
                     let mean = values.iter().sum::<f64>() / values.len() as f64;
                     let square: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
                     Some((mean, square.sqrt() / values.len() as f64))
@@ -164,7 +153,7 @@ impl Turns {
                 let duration_s = rows.len() as f64 * samples.time.interval_s;
                 let angle = std::array::from_fn(|axis| {
                     let bias = moments(axis, &pair[0])?.0.midpoint(moments(axis, &pair[1])?.0);
-                    let sum: f64 = part(rates[axis]?, &rows).iter().sum();
+                    let sum: f64 = rates[axis]?.get(rows.clone())?.iter().sum();
                     Some(sum * samples.time.interval_s - bias * duration_s)
                 });
                 let by_rest = [&pair[0], &pair[1]].map(|rest| {
@@ -213,35 +202,31 @@ impl Turns {
             ));
         }
         let name = |what: &str| format!("turns `{}`: {what}", record.name);
-        outcome.checks.push(CertificateCheck {
-            what: name("each turn is one by the stated angle or a multiple of it"),
-            passes: far.is_empty(),
-            found: format!(
-                "residuals of {:.2e} rad at {} degrees of freedom",
-                found.residual_deviation(),
-                found.degrees_of_freedom
-            ),
-        });
+        outcome.check(
+            name("each turn is one by the stated angle or a multiple of it"),
+            far.is_empty(),
+            residuals_left(found, "rad"),
+        );
         let part = |turn: &Turn| turn.angle[self.main].unwrap_or(0.0) / angle;
         let whole = self.each.iter().map(|turn| (part(turn) - turn.times).abs()).fold(0.0, f64::max);
-        outcome.checks.push(CertificateCheck {
-            what: name("the integrals are near to multiples of the angle"),
-            passes: whole <= WHOLE,
-            found: format!("{whole:.3} of the angle off at most"),
-        });
+        outcome.check(
+            name("the integrals are near to multiples of the angle"),
+            whole <= WHOLE,
+            format!("{whole:.3} of the angle off at most"),
+        );
         let sum =
             |axis: usize| self.each.iter().filter_map(|turn| turn.angle[axis]).map(f64::abs).sum::<f64>();
         let others: Vec<&str> =
             (0..3).filter(|other| sum(*other) > sum(self.main)).map(|other| AXES[other]).collect();
-        outcome.checks.push(CertificateCheck {
-            what: name("the unit turns about the stated axis"),
-            passes: others.is_empty(),
-            found: if others.is_empty() {
+        outcome.check(
+            name("the unit turns about the stated axis"),
+            others.is_empty(),
+            if others.is_empty() {
                 format!("about {axis}")
             } else {
                 format!("more about {}", others.join(", "))
             },
-        });
+        );
         if whole > WHOLE || !others.is_empty() {
             outcome.warnings.push(format!(
                 "turns `{}`: the gyroscope of {axis} does not show multiples of {}: correct `axis`, `angle` or the unit of its column",
@@ -294,13 +279,8 @@ impl Turns {
         table
     }
 
-    fn figure(
-        &self,
-        record: &TurnsRecord,
-        samples: &UnitSamples,
-        values: &[f64],
-        found: &Fit<TERMS>,
-    ) -> Figure {
+    /// What was taken as still.
+    fn parts(&self, record: &TurnsRecord, samples: &UnitSamples) -> Figure {
         let rate =
             samples.rates()[self.main].unwrap_or_default().iter().map(|rate| rate.to_degrees()).collect();
         let above = samples.panel_of_parts(
@@ -309,17 +289,27 @@ impl Turns {
             "taken as still",
             self.rests.iter().map(|rows| (rows.clone(), 0.0)),
         );
-        let residuals = self.residuals(record, values, found).into_iter().zip(&self.each);
-        let points: Vec<(f64, f64)> =
-            residuals.map(|(residual, turn)| (samples.time_s(turn.rows.start), 1e6 * residual)).collect();
-        let below = Panel::new(Axis::new("time", "s"), Axis::new("residual", "ppm of the angle"))
-            .with(Series::points("each turn", SeriesRole::Estimate, points));
         Figure::new(
             format!("turns-{}", record.name),
             format!("Turns: {}", record.name),
             "The rate with the parts that were taken as still, and by how much the integral over each turn differs from the fit.",
         )
         .with(above)
-        .with(below)
+    }
+
+    /// The parts above the residuals.
+    fn figure(
+        &self,
+        record: &TurnsRecord,
+        samples: &UnitSamples,
+        values: &[f64],
+        found: &Fit<TERMS>,
+    ) -> Figure {
+        let residuals = self.residuals(record, values, found).into_iter().zip(&self.each);
+        let points: Vec<(f64, f64)> =
+            residuals.map(|(residual, turn)| (samples.time_s(turn.rows.start), 1e6 * residual)).collect();
+        let below = Panel::new(Axis::new("time", "s"), Axis::new("residual", "ppm of the angle"))
+            .with(Series::points("each turn", SeriesRole::Estimate, points));
+        self.parts(record, samples).with(below)
     }
 }

@@ -1,14 +1,15 @@
 //! Reading a file of the unit: its channels, divided at the gaps.
 
 use super::error::CalibrationError;
-use super::files::{InputFiles, columns, require_usable, require_within};
+use super::files::{InputFiles, require_usable, require_within};
+use super::still::{StillChannel, still_parts};
 use super::stretches::{RecordStretches, stretches};
 use super::tone::AXES;
 use crate::calibration::file::InertialUnit;
 use crate::config::{Channels, Clock, ColumnChoice, FileColumns, FileFormat, Key, Segments};
 use crate::recording::{Finding, FindingKind, RecordingLayout, SampledRecording};
 use crate::units::{Kind, kind};
-use kalmems_figures::{Axis, Panel, Series, SeriesRole, pairs};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole, pairs};
 use std::ops::Range;
 use std::path::Path;
 
@@ -72,10 +73,6 @@ impl<'a> RecordOfUnit<'a> {
             };
             files.named.findings.retain(|(_, finding)| !is_set(finding));
         }
-        let used = [columns(self.channels), columns(self.accelerometers)].concat();
-        for segment in recording.segments() {
-            require_usable(&recording, segment, &used)?;
-        }
         let mut remarks = Vec::new();
         let time = RecordTime::of(&recording, unit, self.clock, &mut remarks);
         let axes = |channels: Option<&Channels>, kind: &Kind| -> Result<_, CalibrationError> {
@@ -89,9 +86,6 @@ impl<'a> RecordOfUnit<'a> {
             Ok(axes)
         };
         let rates = axes(self.channels, &kind::ANGULAR_RATE)?;
-        for column in rates.iter().flatten() {
-            require_within(unit, &recording.column(column)?.values, (&recording.source().file, column))?;
-        }
         let further = match self.further {
             Some((_, column, kind)) => {
                 recording.column_of(column.name(), kind)?;
@@ -99,7 +93,7 @@ impl<'a> RecordOfUnit<'a> {
             }
             None => None,
         };
-        Ok(UnitSamples {
+        let samples = UnitSamples {
             place: path.display().to_string(),
             rates,
             forces: axes(self.accelerometers, &kind::ACCELERATION)?,
@@ -107,19 +101,70 @@ impl<'a> RecordOfUnit<'a> {
             recording,
             time,
             remarks,
-        })
+        };
+        let checked = samples.check(unit);
+        if checked.is_err() {
+            files.parts.push(samples.figure_of_refused());
+        }
+        checked.map(|()| samples)
     }
 }
 
 impl UnitSamples {
+    /// Refuses a record in which a sensor is at the end of its range, or is another channel.
+    fn check(&self, unit: &InertialUnit) -> Result<(), CalibrationError> {
+        let used: Vec<&str> = self.rates.iter().chain(&self.forces).flatten().map(String::as_str).collect();
+        for segment in self.recording.segments() {
+            require_usable(&self.recording, segment, &used)?;
+        }
+        for column in self.rates.iter().flatten() {
+            let values = &self.recording.column(column)?.values;
+            require_within(unit, values, (&self.recording.source().file, column))?;
+        }
+        Ok(())
+    }
+
+    /// The sensors of a record that is refused, with the parts in which they are still for a second or longer.
+    fn figure_of_refused(&self) -> Figure {
+        let each = [
+            (self.rates(), true, Axis::new("rate", "deg/s"), 1.0_f64.to_degrees()),
+            (self.forces(), false, Axis::new("specific force", "m/s^2"), 1.0),
+        ];
+        let of = |all: &[Option<&[f64]>; 3]| all.iter().flatten().copied().collect::<Vec<_>>();
+        let columns: Vec<(&[f64], bool)> = each
+            .iter()
+            .flat_map(|(all, is_rate, ..)| of(all).into_iter().map(move |values| (values, *is_rate)))
+            .collect();
+        let parts = self.still_parts(1.0, &columns).concat();
+        let there = each.into_iter().filter(|(all, ..)| all.iter().any(Option::is_some));
+        let panels = there.map(|(all, _, axis, factor)| {
+            let shown = AXES.into_iter().zip(all).filter_map(|(axis, values)| {
+                Some((axis, values?.iter().map(|value| factor * value).collect()))
+            });
+            self.panel_of_parts(axis, shown, "taken as still", parts.iter().map(|rows| (rows.clone(), 0.0)))
+        });
+        let caption = "The sensors of the record that was refused, with the parts that were taken as still.";
+        panels.fold(Figure::new("refused", self.place.clone(), caption), Figure::with)
+    }
+
     fn values(&self, column: Option<&String>) -> Option<&[f64]> {
         Some(&self.recording.column(column?).ok()?.values)
     }
 
-    /// How many rows last at least this long, in s; two or more.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
-    pub fn rows_of(&self, duration_s: f64) -> usize {
-        (duration_s / self.time.interval_s).ceil().max(2.0) as usize
+    /// The parts of each stretch between gaps in which the columns are still for at least this long, in s. Each column with whether it is a rate, of which
+    /// a constant one is no rest.
+    pub fn still_parts(&self, shortest_s: f64, columns: &[(&[f64], bool)]) -> Vec<Vec<Range<usize>>> {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a positive count, saturating
+        let shortest = (shortest_s / self.time.interval_s).ceil().max(2.0) as usize;
+        let of = |stretch: &Range<usize>| {
+            let of_column = columns.iter().map(|(values, is_rate)| StillChannel {
+                values: values.get(stretch.clone()).unwrap_or_default(),
+                is_rate: *is_rate,
+            });
+            let parts = still_parts(&of_column.collect::<Vec<_>>(), shortest).into_iter();
+            parts.map(|part| stretch.start + part.start..stretch.start + part.end).collect()
+        };
+        self.time.rows.iter().map(of).collect()
     }
 
     /// The gyroscopes' rates in rad/s of all rows, axis by axis.

@@ -11,7 +11,9 @@ import json
 import os
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.integrate import simpson
+from scipy.optimize import brentq, least_squares
+from scipy.signal import lsim
 from scipy.spatial.transform import Rotation
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -208,6 +210,58 @@ def cycle(random):
     return rows, {name: float(np.radians(value)) for name, value in put_in.items()}
 
 
+def turns(random):
+    """Sixteen turns of the z gyroscope by 90 degrees to either side, with rests of 2 s, at 50 Hz; the integrals by Simpson's rule."""
+    rate_hz, rest, bias, scale, asymmetry = 50.0, 100, 0.447, 0.9875, 4e-4
+    sides = [1, 1, -1, -1] * 4
+    cross, shown, angles = [], [], []
+
+    def add(rate, slope):
+        cross.append(0.0051 * rate + 0.08 * random.standard_normal())
+        shown.append(bias + slope * rate + 0.08 * random.standard_normal())
+
+    for side in sides:
+        for _ in range(rest):
+            add(0.0, 0.0)
+        angle = side * (90.0 + 0.01 * random.standard_normal())  # what the stop is off
+        samples = int(50 + 20 * random.random())
+        for k in range(samples):
+            add(angle * rate_hz / samples * 2 * np.sin(np.pi * k / samples) ** 2, scale * (1 + 0.5 * asymmetry * side))
+        angles.append((len(shown) - samples, samples))
+    for _ in range(rest):
+        add(0.0, 0.0)
+    rows = np.round(np.column_stack([cross, shown]), 4)
+    integrals = []
+    for first, samples in angles:
+        off = 0.5 * (rows[first - rest : first, 1].mean() + rows[first + samples : first + samples + rest, 1].mean())
+        margin = slice(first - 10, first + samples + 11)
+        integrals.append(simpson(rows[margin, 1] - off, dx=1 / rate_hz))
+    x, y = 90.0 * np.array(sides), np.array(integrals)
+    slope, magnitude = np.linalg.lstsq(np.column_stack([x, abs(x)]), y, rcond=None)[0]
+    solved = {"scale_factor_z": slope, "asymmetry_z": 2 * magnitude / slope}
+    put_in = {"scale_factor_z": scale, "asymmetry_z": asymmetry, "cross_axis_sensitivity_xz": 0.0051}
+    return rows, put_in, {key: float(value) for key, value in solved.items()}
+
+
+def sweep(random):
+    """A sweep from 3 to 110 Hz over 12 s at 250 Hz of an accelerometer of second order with a bandwidth near 60 Hz."""
+    rate_hz, span, resonance, damping, scale = 250.0, 12.0, 60.0, 0.7, 0.9941
+    fine = 64
+    time = np.arange(int(rate_hz * (span + 1)) * fine) / (rate_hz * fine)
+    swell = np.clip(np.minimum(time - 0.2, span - 0.2 - time) / 0.3, 0, 1)
+    force = 12.0 * np.sin(0.5 * np.pi * swell) ** 2 * np.sin(2 * np.pi * (3.0 * time + 0.5 * 107.0 * time**2 / span))
+    turn = 2 * np.pi * resonance
+    answer = lsim(([turn**2], [1, 2 * damping * turn, turn**2]), force, time)[1]
+    force, answer = force[::fine], 0.3 + scale * answer[::fine]
+    force = force + 2e-3 * random.standard_normal(len(force))
+    answer = answer + 0.02 * random.standard_normal(len(answer))
+    put_in = {"scale_factor": scale, "resonance_hz": resonance, "damping": damping}
+    # Where |H| falls to 0.707 of its value at 3 Hz.
+    size = lambda f: 1 / np.hypot(1 - (f / resonance) ** 2, 2 * damping * f / resonance)
+    put_in["bandwidth_hz"] = float(brentq(lambda f: size(f) - np.sqrt(0.5) * size(3.0), 20, 110))
+    return np.column_stack([force, answer / 9.80665]), put_in
+
+
 def main():
     random = np.random.default_rng(20261128)
     os.makedirs(EXAMPLE, exist_ok=True)
@@ -221,7 +275,14 @@ def main():
     write("table.csv", ["table_dps", "gyro_x_dps", "gyro_y_dps", "gyro_z_dps"], rows, [4, 4, 4, 4])
     rows, of_cycle = cycle(random)
     write("cycle.csv", ["unit_K", "gyro_z_dps"], rows, [2, 4])
+    random = np.random.default_rng(20261129)
+    rows, of_turns, solved_turns = turns(random)
+    write("turns.csv", ["gyro_x_dps", "gyro_z_dps"], rows, [4, 4])
+    rows, of_sweep = sweep(random)
+    write("sweep.csv", ["reference_m_per_s2", "acc_x_gn"], rows, [4, 5])
     result = {
+        "turns": {"put_in": of_turns, "solved": solved_turns},
+        "sweep": {"put_in": of_sweep},
         "positions": {
             "put_in": numbers(ACCELEROMETERS, ACCELEROMETER_BIAS, GYROSCOPES),
             "solved": numbers(*solved(written, rests, rate_hz)),

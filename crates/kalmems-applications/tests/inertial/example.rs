@@ -94,6 +94,37 @@ fn the_table_and_the_cycle_agree_with_numpy_and_with_the_truth() {
     assert!(all == 11 && held >= 9, "{held} of {all}");
 }
 
+/// Integrals by Simpson's rule and least squares by NumPy, and the response of the equation of motion by SciPy.
+#[test]
+fn the_turns_and_the_sweep_agree_with_numpy_and_with_the_truth() {
+    let (found, independent) = (calibrated("motion.toml"), independent());
+    let of = |kind: &str| found.records.iter().find(|record| record.kind == kind).unwrap();
+    for (name, theirs) in numbers(&independent["turns"]["solved"]) {
+        let ours = of("turns").estimate(&name).unwrap();
+        let apart = (ours.value - theirs).abs() / ours.expanded_by_records;
+        assert!(apart < 0.3, "{name}: {} {theirs}, {apart:.2} of U", ours.value);
+    }
+    for (name, value) in numbers(&independent["turns"]["put_in"]) {
+        let [low, high] = of("turns").estimate(&name).unwrap().interval;
+        assert!(low <= value && value <= high, "{name}: {value} {low} {high}");
+    }
+    let put_in = |name: &str| independent["sweep"]["put_in"][name].as_f64().unwrap();
+    let [low, high] = of("sine").estimate("accelerometer_bandwidth_x").unwrap().interval;
+    assert!(low <= put_in("bandwidth_hz") && put_in("bandwidth_hz") <= high, "{low} {high}");
+    let (mut held, mut all) = (0, 0);
+    for quantity in &of("sine").quantities {
+        let Some(frequency) = quantity.name.strip_prefix("accelerometer_scale_factor_x_at_") else {
+            continue;
+        };
+        let ratio = frequency.trim_end_matches("_hz").parse::<f64>().unwrap() / put_in("resonance_hz");
+        let size = put_in("scale_factor") / (1.0 - ratio * ratio).hypot(2.0 * put_in("damping") * ratio);
+        held += usize::from((quantity.estimate.value - size).abs() <= quantity.estimate.expanded_by_records);
+        all += 1;
+    }
+    // 19 of 20 are expected.
+    assert!(all > 20 && held as f64 > 0.85 * f64::from(all), "{held} of {all}");
+}
+
 /// What Kalibr reads: the noise that the Python program put in, to the interval of the fit.
 #[test]
 fn the_noise_at_rest_is_written_as_a_unit_file_of_kalibr() {

@@ -4,8 +4,10 @@ use super::simulated::{Noise, Vector};
 use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::{
     Calibration, CalibrationError, CalibrationSummary, Certificate, GyroscopeCalibration, calibrate,
+    calibrate_with_parts, write_refused_calibration,
 };
 use kalmems_engines::progress::Silent;
+use kalmems_store::{Output, Work};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
@@ -160,6 +162,71 @@ fn slow_intervals_by_steps_hold_95_of_100() {
     assert!((0.935..0.975).contains(&part), "{part}");
 }
 
+/// The sensitivity of the main axis to the specific force, in rad/s by m/s²; the other axes have none.
+const BY_FORCE: f64 = 4e-5;
+
+/// How often the sensitivities by an upright and an upside-down mounting are in their intervals.
+fn mounted(seeds: std::ops::Range<u64>) -> BTreeMap<String, usize> {
+    let mut text = FILE.split("[[rates]]").next().unwrap().to_owned();
+    for mounting in ["up", "down"] {
+        write!(
+            text,
+            "[[rates]]\nname = \"z_{mounting}\"\nfile = \"{mounting}.csv\"\naxis = \"z\"\ntable = \"table_rad_per_s\"\nmounting = \"{mounting}\"\n\
+             latitude = \"0 deg\"\n"
+        )
+        .unwrap();
+    }
+    let mut held = BTreeMap::new();
+    for seed in seeds {
+        let folder = tempfile::tempdir().unwrap();
+        for (sign, mounting) in [(1.0, "up"), (-1.0, "down")] {
+            let bias = GYROSCOPE.bias + sign * BY_FORCE * 9.806_65;
+            let path = folder.path().join(format!("{mounting}.csv"));
+            Gyroscope { bias, ..GYROSCOPE }.write(&path, &staircase(), 2 * seed + u64::from(sign < 0.0));
+            // Upside down the unit turns the other way round than the table.
+            let written = fs::read_to_string(&path).unwrap();
+            let lines = written.lines().enumerate().map(|(place, line)| match line.split_once(',') {
+                Some((table, rest)) if place > 0 => {
+                    format!("{:.6},{rest}\n", sign * table.parse::<f64>().unwrap())
+                }
+                _ => format!("{line}\n"),
+            });
+            fs::write(&path, lines.collect::<String>()).unwrap();
+        }
+        let file = GyroscopeCalibration::parse(&text, &folder.path().join("table.toml")).unwrap();
+        let found = calibrate(&file, &Silent).unwrap();
+        for (name, value) in [("xz", 0.0), ("yz", 0.0), ("zz", BY_FORCE)] {
+            let record = found.records.iter().find(|record| record.kind == "mountings").unwrap();
+            let name = format!("gyroscope_force_sensitivity_{name}");
+            let [low, high] = record.estimate(&name).unwrap().interval;
+            *held.entry(name).or_default() += usize::from(low <= value && value <= high);
+        }
+    }
+    held
+}
+
+#[test]
+fn an_upside_down_mounting_gives_the_sensitivity_to_the_specific_force() {
+    let held = mounted(0..8);
+    // Four or fewer of eight come once in 2700 times for one number.
+    assert!(held.len() == 3 && held.values().all(|held| *held >= 5), "{held:?}");
+    // Without it the program says which mounting is missing.
+    let said = |stated: &str| {
+        let text = format!("{FILE}{stated}");
+        calibrated(&GYROSCOPE, &staircase(), 3, &text).unwrap().records[0].not_observed.join("\n")
+    };
+    assert!(said("").contains("state where the axis points as `mounting`"));
+    assert!(said("mounting = \"up\"\n").contains("add a record with the axis downwards"));
+}
+
+#[test]
+#[ignore = "400 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
+fn slow_intervals_by_mountings_hold_95_of_100() {
+    let held = mounted(1000..1200);
+    println!("{held:?} of 200");
+    assert!(held.values().all(|held| (180..=199).contains(held)), "{held:?}");
+}
+
 #[test]
 fn the_table_the_alignment_and_the_earth_are_in_the_budget() {
     let rates = staircase();
@@ -217,10 +284,26 @@ fn turned_saturated_and_too_few_steps_are_named_and_none_is_certified() {
     });
     fs::write(&path, clipped.collect::<String>()).unwrap();
     let file = GyroscopeCalibration::parse(FILE, &folder.path().join("table.toml")).unwrap();
-    let said = calibrate(&file, &Silent).unwrap_err().to_string();
+    let mut parts = Vec::new();
+    let said = calibrate_with_parts(&file, &Silent, &mut parts).unwrap_err().to_string();
     assert!(said.contains("gz_rad_per_s") && said.contains("clipped"), "{said}");
+    // Three gyroscopes, and below them the parts in which they are still.
+    assert!(parts.len() == 1 && parts[0].id == "refused" && parts[0].panels[0].series.len() > 3);
     let said = calibrated(&GYROSCOPE, &[0.0, 1.0, 2.0, 3.0], 3, FILE).unwrap_err().to_string();
     assert!(said.contains("found 4 parts") && said.contains("at least 10"), "{said}");
+    // The parts that were found are drawn all the same.
+    GYROSCOPE.write(&path, &[0.0, 1.0, 2.0, 3.0], 3);
+    let mut parts = Vec::new();
+    let why = calibrate_with_parts(&file, &Silent, &mut parts).unwrap_err();
+    let [figure] = &parts[..] else { panic!("{}", parts.len()) };
+    let constant = figure.panels[0].series.len() - 1;
+    assert!(figure.id == "rates-z" && constant == 4, "{} {constant}", figure.id);
+    let out = folder.path().join("out");
+    let output = Output::begin(&out, &Work::named("calibrate gyro", "table")).unwrap();
+    write_refused_calibration(&file, &why, &parts, &output).unwrap();
+    output.commit().unwrap();
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("found 4 parts") && out.join("figures/rates-z.svg").is_file());
     // Only upwards: hysteresis is not seen, all else is.
     let up: Vec<f64> = (-12..=12).map(|k| 0.25 * f64::from(k)).collect();
     let found = calibrated(&GYROSCOPE, &up, 3, FILE).unwrap();

@@ -3,8 +3,9 @@
 use super::simulated::Noise;
 use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::{
-    Calibration, GyroscopeCalibration, TemperaturePolynomial, calibrate, write_calibration,
+    Calibration, GyroscopeCalibration, UncertainEstimate, calibrate, write_calibration,
 };
+use kalmems_engines::config::{CurvePiece, TemperatureCurve};
 use kalmems_engines::progress::Silent;
 use kalmems_store::{Output, RunInfo, Work};
 use std::collections::BTreeMap;
@@ -84,6 +85,106 @@ fn slow_intervals_over_the_temperature_hold_95_of_100() {
     }
 }
 
+/// A natural cubic spline of knots at 300, 310 … 340 K in the basis of truncated powers (Hastie, Tibshirani and Friedman, 5.4).
+fn bent(temperature: f64) -> f64 {
+    let cube = |knot: f64| (temperature - knot).max(0.0).powi(3);
+    let part = |knot: f64| (cube(knot) - cube(340.0)) / (340.0 - knot);
+    let bends = [2e-6, -5e-6, 4e-6].into_iter().zip([300.0, 310.0, 320.0]);
+    4e-3 + 2e-5 * (temperature - 320.0)
+        + bends.map(|(size, knot)| size * (part(knot) - part(330.0))).sum::<f64>()
+}
+
+/// A cycle with this bias both ways; the first and the last row are at the ends of the range.
+fn write_bent(path: &Path, seed: u64) {
+    let mut noise = Noise::new(seed);
+    let mut text = "unit_K,gz_rad_per_s\n".to_owned();
+    for k in 0..=12_000 {
+        let temperature = 340.0 - 40.0 * (f64::from(k) / 6000.0 - 1.0).abs();
+        writeln!(text, "{temperature:.4},{:.7}", bent(temperature) + 5e-4 * noise.normal()).unwrap();
+    }
+    fs::write(path, text).unwrap();
+}
+
+fn spline_coverage(seeds: std::ops::Range<u64>) -> BTreeMap<String, usize> {
+    let text = FILE.replace("order = 2", "knots = 5");
+    let mut held = BTreeMap::new();
+    for seed in seeds {
+        let folder = tempfile::tempdir().unwrap();
+        write_bent(&folder.path().join("cycle.csv"), seed);
+        let file = GyroscopeCalibration::parse(&text, &folder.path().join("cycle.toml")).unwrap();
+        let found = calibrate(&file, &Silent).unwrap();
+        for way in ["up", "down"] {
+            for knot in [300.0, 310.0, 320.0, 330.0, 340.0] {
+                let name = format!("gyroscope_bias_z_{way}_at_{knot:.2}_k");
+                let [low, high] =
+                    found.records[0].estimate(&name).unwrap_or_else(|| panic!("{name}")).interval;
+                *held.entry(name).or_default() += usize::from(low <= bent(knot) && bent(knot) <= high);
+            }
+        }
+    }
+    held
+}
+
+#[test]
+fn a_spline_with_stated_knots_holds_what_was_put_in() {
+    let held = spline_coverage(0..8);
+    // Four or fewer of eight come once in 2700 times for one number.
+    assert!(held.len() == 10 && held.values().all(|held| *held >= 5), "{held:?}");
+    let both = FILE.replace("order = 2", "order = 2\nknots = 5");
+    let said = GyroscopeCalibration::parse(&both, Path::new("cycle.toml")).unwrap_err().to_string();
+    assert!(said.contains("temperature.knots") && said.contains("expected one of them"), "{said}");
+}
+
+#[test]
+#[ignore = "200 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
+fn slow_intervals_of_a_spline_hold_95_of_100() {
+    let held = spline_coverage(1000..1200);
+    println!("{held:?} of 200");
+    assert!(held.values().all(|held| (180..=199).contains(held)), "{held:?}");
+}
+
+/// The curves of one cycle compensate the columns of another one, whose bias is then that of its noise, and 20 times it without them.
+#[test]
+fn a_calibration_applies_the_curves_of_another_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = FILE.replace("order = 2", "knots = 5");
+    let of = |name: &str, seed: u64, text: &str| {
+        write_bent(&folder.path().join("cycle.csv"), seed);
+        let path = folder.path().join(name);
+        let found = calibrate(&GyroscopeCalibration::parse(text, &path).unwrap(), &Silent);
+        found.unwrap()
+    };
+    let first = of("first.toml", 5, &text);
+    let curves = serde_json::to_string(&first.records[0].compensation).unwrap();
+    fs::write(folder.path().join("temperature.json"), curves).unwrap();
+    let choice = "{ column = \"gz_rad_per_s\", compensation = { file = \"temperature.json\", temperature = \"unit_K\", bias = \"gyroscope_bias_z\" } }";
+    let text = text.replace("\"gz_rad_per_s\"", choice);
+    let second = of("second.toml", 6, &text);
+    let at_knots = |found: &Calibration| -> Vec<UncertainEstimate> {
+        let of_knots = found.records[0].quantities.iter().filter(|own| own.name.contains("_at_"));
+        of_knots.map(|own| own.estimate).collect()
+    };
+    let square = |found: &[UncertainEstimate]| found.iter().map(|own| own.value.powi(2)).sum::<f64>();
+    let (before, after) = (at_knots(&first), at_knots(&second));
+    assert!(before.len() == 10 && square(&after) < 2.5e-3 * square(&before), "{after:?}");
+    // Both cycles have noise.
+    assert!(after.iter().all(|own| own.value.abs() < 2.0 * own.expanded()), "{after:?}");
+    assert!(
+        second
+            .findings
+            .join("\n")
+            .contains("compensated by `gyroscope_bias_z` at the temperature of `unit_K`")
+    );
+    let missing = text.replace("temperature.json", "elsewhere.json");
+    let file = GyroscopeCalibration::parse(&missing, &folder.path().join("third.toml")).unwrap();
+    let said = calibrate(&file, &Silent).unwrap_err().to_string();
+    assert!(said.contains("elsewhere.json") && said.contains("cannot be read"), "{said}");
+    let other = text.replace("bias = \"gyroscope_bias_z\"", "bias = \"gyroscope_bias_x\"");
+    let file = GyroscopeCalibration::parse(&other, &folder.path().join("third.toml")).unwrap();
+    let said = calibrate(&file, &Silent).unwrap_err().to_string();
+    assert!(said.contains("has no curve `gyroscope_bias_x`; it has gyroscope_bias_z,"), "{said}");
+}
+
 /// The header in C and the module in Rust, compiled, against the polynomials of the JSON.
 #[test]
 fn the_compensation_is_written_as_json_in_c_and_in_rust() {
@@ -100,15 +201,22 @@ fn the_compensation_is_written_as_json_in_c_and_in_rust() {
     output.commit().unwrap();
     let json: serde_json::Value =
         serde_json::from_str(&fs::read_to_string(out.join("temperature.json")).unwrap()).unwrap();
-    let TemperaturePolynomial { name, range_k: [low, high], reference_k, coefficients, .. } =
-        found.records[0].compensation[0].clone();
-    assert_eq!((name.as_str(), reference_k), ("gyroscope_bias_z", 320.0));
-    assert!((299.0..301.0).contains(&low) && (339.0..341.0).contains(&high), "{low} {high}");
-    let written: Vec<f64> =
-        json[0]["coefficients"].as_array().unwrap().iter().map(|c| c.as_f64().unwrap()).collect();
+    let TemperatureCurve { name, range_k: [low, high], pieces, .. } = &found.records[0].compensation[0];
+    let [CurvePiece { reference_k, coefficients }] = &pieces[..] else { panic!("{pieces:?}") };
+    assert_eq!((name.as_str(), *reference_k), ("gyroscope_bias_z", 320.0));
+    assert!((299.0..301.0).contains(low) && (339.0..341.0).contains(high), "{low} {high}");
+    let written: Vec<f64> = json[0]["pieces"][0]["coefficients"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|c| c.as_f64().unwrap())
+        .collect();
     // The reader of JSON rounds a number to its last but one digit.
-    assert!(written.iter().zip(&coefficients).all(|(a, b)| (a / b - 1.0).abs() < 1e-15));
+    assert!(written.iter().zip(coefficients).all(|(a, b)| (a / b - 1.0).abs() < 1e-15));
     assert_eq!(written.len(), coefficients.len());
+    let names: Vec<&str> =
+        json.as_array().unwrap().iter().map(|curve| curve["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["gyroscope_bias_z", "gyroscope_bias_z_up", "gyroscope_bias_z_down"]);
     let in_c = "#include <stdio.h>\n#include \"temperature.h\"\nint main(void) {\n  double t[] = {280, 310, 320, 335.5, 400};\n  \
         for (int k = 0; k < 5; k++) printf(\"%.17g\\n\", kalmems_gyroscope_bias_z(t[k]));\n  return 0;\n}\n";
     let in_rust = "mod temperature;\nfn main() {\n    for t in [280.0, 310.0, 320.0, 335.5, 400.0] {\n        \
@@ -128,24 +236,28 @@ fn the_compensation_is_written_as_json_in_c_and_in_rust() {
         assert!(command.status().unwrap().success(), "{compiler}");
         let shown = String::from_utf8(Command::new(&program).output().unwrap().stdout).unwrap();
         assert_eq!(shown.lines().count(), 5, "{compiler}");
-        for (line, temperature) in shown.lines().zip([low, 310.0, 320.0, 335.5, high]) {
+        for (line, temperature) in shown.lines().zip([*low, 310.0, 320.0, 335.5, *high]) {
             let (value, expected): (f64, f64) = (line.parse().unwrap(), at(&written, temperature - 320.0));
             assert!((value / expected - 1.0).abs() < 1e-12, "{compiler}: {temperature}: {value} {expected}");
         }
     }
 }
 
-/// A scale factor with 50 ppm/K at four temperatures, each record a staircase of the table without noise but that of its last digit.
-#[test]
-fn rates_at_several_temperatures_give_the_scale_factor_over_the_temperature() {
+/// Scale factor, cross-axis sensitivity and bias at a temperature.
+fn turning(kelvin: f64) -> [f64; 3] {
+    let off = kelvin - 310.0;
+    [1.01 + 50e-6 * off, 4e-3 + 2e-5 * off, 2e-3 + 1e-5 * off]
+}
+
+/// Records of a staircase of the table at several temperatures, about an axis without a part of the Earth's rotation.
+fn at_temperatures(temperatures: &[i32], choice: &str, seed: u64) -> Calibration {
     let folder = tempfile::tempdir().unwrap();
-    let mut text =
-        "name = \"t\"\n[gyroscope]\nrate = \"100 Hz\"\nchannels = { x = \"gx_rad_per_s\", z = \"gz_rad_per_s\" }\n"
-            .to_owned();
-    let mut noise = Noise::new(9);
-    for kelvin in [280, 300, 320, 340] {
-        let off = f64::from(kelvin - 310);
-        let (scale, across, bias) = (1.01 + 50e-6 * off, 4e-3 + 2e-5 * off, 2e-3 + 1e-5 * off);
+    let mut text = format!(
+        "name = \"t\"\n[gyroscope]\nrate = \"100 Hz\"\nchannels = {{ x = \"gx_rad_per_s\", z = \"gz_rad_per_s\" }}\n{choice}"
+    );
+    let mut noise = Noise::new(seed);
+    for kelvin in temperatures {
+        let [scale, across, bias] = turning(f64::from(*kelvin));
         let mut rows = "table_rad_per_s,gx_rad_per_s,gz_rad_per_s\n".to_owned();
         for step in (-6..=6).chain((-5..6).rev()) {
             let rate = 0.4 * f64::from(step);
@@ -157,12 +269,50 @@ fn rates_at_several_temperatures_give_the_scale_factor_over_the_temperature() {
         fs::write(folder.path().join(format!("{kelvin}.csv")), rows).unwrap();
         write!(
             text,
-            "[[rates]]\nname = \"at_{kelvin}\"\nfile = \"{kelvin}.csv\"\naxis = \"z\"\ntable = \"table_rad_per_s\"\ntemperature = \"{kelvin} K\"\n"
+            "[[rates]]\nname = \"at_{kelvin}\"\nfile = \"{kelvin}.csv\"\naxis = \"z\"\ntable = \"table_rad_per_s\"\ntemperature = \"{kelvin} K\"\n\
+             latitude = \"0 deg\"\n"
         )
         .unwrap();
     }
-    let file = GyroscopeCalibration::parse(&text, &folder.path().join("t.toml")).unwrap();
-    let found = calibrate(&file, &Silent).unwrap();
+    calibrate(&GyroscopeCalibration::parse(&text, &folder.path().join("t.toml")).unwrap(), &Silent).unwrap()
+}
+
+#[test]
+#[ignore = "2400 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
+fn slow_intervals_of_rates_over_the_temperature_hold_95_of_100() {
+    for (choice, names) in [
+        ("", ["0", "1", "2"]),
+        ("[rates_over_temperature]\nknots = 3\n", ["at_280.00_k", "at_310.00_k", "at_340.00_k"]),
+    ] {
+        let mut held: BTreeMap<String, usize> = BTreeMap::new();
+        for seed in 1000..1200 {
+            let found = at_temperatures(&[280, 290, 300, 310, 325, 340], choice, seed);
+            let over = found.records.iter().find(|record| record.kind == "rates_over_temperature").unwrap();
+            for (place, what) in
+                ["scale_factor_z", "cross_axis_sensitivity_xz", "bias_z"].into_iter().enumerate()
+            {
+                let at = |kelvin: f64| turning(kelvin)[place];
+                let truth = if choice.is_empty() {
+                    [at(310.0), at(311.0) - at(310.0), 0.0]
+                } else {
+                    [at(280.0), at(310.0), at(340.0)]
+                };
+                for (name, value) in names.into_iter().zip(truth) {
+                    let name = format!("{what}_{name}");
+                    let [low, high] = over.estimate(&name).unwrap_or_else(|| panic!("{name}")).interval;
+                    *held.entry(name).or_default() += usize::from(low <= value && value <= high);
+                }
+            }
+        }
+        println!("{held:?} of 200");
+        assert!(held.len() == 9 && held.values().all(|held| (180..=199).contains(held)), "{held:?}");
+    }
+}
+
+/// A scale factor with 50 ppm/K at four temperatures.
+#[test]
+fn rates_at_several_temperatures_give_the_scale_factor_over_the_temperature() {
+    let found = at_temperatures(&[280, 300, 320, 340], "", 9);
     let over = found.records.iter().find(|record| record.kind == "rates_over_temperature").unwrap();
     for (name, value) in [
         ("scale_factor_z_0", 1.01),
@@ -175,9 +325,9 @@ fn rates_at_several_temperatures_give_the_scale_factor_over_the_temperature() {
         assert!((estimate.value - value).abs() < 3.0 * estimate.expanded(), "{name}: {estimate:?}");
         assert!((estimate.value / value - 1.0).abs() < 0.02, "{name}: {estimate:?}");
     }
-    let mut names: Vec<&str> = over.compensation.iter().map(|polynomial| polynomial.name.as_str()).collect();
+    let mut names: Vec<&str> = over.compensation.iter().map(|curve| curve.name.as_str()).collect();
     names.sort_unstable();
     let expected = ["gyroscope_bias_z", "gyroscope_cross_axis_sensitivity_xz", "gyroscope_scale_factor_z"];
     assert_eq!(names, expected);
-    assert!(over.compensation.iter().all(|polynomial| polynomial.coefficients.len() == 2));
+    assert!(over.compensation.iter().all(|curve| curve.pieces[0].coefficients.len() == 2));
 }

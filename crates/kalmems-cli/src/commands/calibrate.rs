@@ -6,8 +6,9 @@ use crate::tell::tell;
 use crate::{CommandEnding, print_result, target};
 use kalmems::applications::ApplicationFile;
 use kalmems::applications::calibration::GyroscopeCalibration;
-use kalmems::applications::calibration::calibrate;
-use kalmems::applications::calibration::{CalibrationSummary, write_calibration};
+use kalmems::applications::calibration::{
+    CalibrationSummary, calibrate_with_parts, write_calibration, write_refused_calibration,
+};
 use kalmems::results::{RunInfo, Work};
 use std::time::{Instant, SystemTime};
 
@@ -19,9 +20,22 @@ pub fn run(arguments: &CalibrateArguments) -> Result<(), CommandEnding> {
     let work = Work::of_file("calibrate gyro", &arguments.file, file.files());
     let output = arguments.folder.begin(&["calibrated", &file.name.to_string()], work)?;
     let bar = ProgressDisplay::default();
-    let found = calibrate(&file, &bar)
-        .map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;
+    let mut parts = Vec::new();
+    let found = calibrate_with_parts(&file, &bar, &mut parts);
     drop(bar);
+    let found = match found {
+        Ok(found) => found,
+        Err(e) if e.is_interruption() => return Err(CommandEnding::Interrupted),
+        Err(e) if parts.is_empty() => return Err(wrong(&e)),
+        Err(e) => {
+            write_refused_calibration(&file, &e, &parts, &output).map_err(|e| wrong(&e))?;
+            let page = target::finish(output)?.join("report.html");
+            return Err(CommandEnding::Wrong(format!(
+                "{e}; open {} for the parts that were found",
+                page.display()
+            )));
+        }
+    };
     let info = RunInfo { started, took: clock.elapsed() };
     write_calibration(&found, &output, info).map_err(|e| wrong(&e))?;
     let out = target::finish(output)?;

@@ -89,6 +89,8 @@ pub enum FindingKind {
     OtherRate,
     /// Times that come in bursts, as those of a host do.
     BurstTime,
+    /// A temperature beyond those at which the curves that compensate other columns were found.
+    BeyondCurve,
     /// The signal stays at its highest or lowest value.
     Saturation,
     /// The signal stays at a value while its neighbours move.
@@ -173,6 +175,7 @@ impl FindingKind {
             | Self::RoundedTime
             | Self::OtherRate
             | Self::BurstTime
+            | Self::BeyondCurve
             | Self::Saturation
             | Self::Stuck
             | Self::DroppedBit
@@ -184,7 +187,7 @@ impl FindingKind {
     /// What is counted, for one and for several; empty where a count says nothing.
     const fn counted(self) -> (&'static str, &'static str) {
         match self {
-            Self::WrongColumnCount | Self::NoTime | Self::NoLabel => ("row", "rows"),
+            Self::WrongColumnCount | Self::NoTime | Self::NoLabel | Self::BeyondCurve => ("row", "rows"),
             Self::NonNumeric | Self::Missing | Self::Nan | Self::Infinite | Self::Overload => {
                 ("cell", "cells")
             }
@@ -237,9 +240,7 @@ impl FindingKind {
             Self::UnknownUnit => {
                 "expected a name that ends with a unit, such as `cap_V`, or with `_1` where there is none"
             }
-            Self::Contradiction => {
-                "expected an offset in the unit of the values: correct `offset`, `scale` or `unit`"
-            }
+            Self::Contradiction => "correct `offset`, `scale`, `unit` or `compensation`",
             Self::Stated => "the settings say so",
             Self::OtherUnit => "the unit of the settings counts: correct whichever is wrong",
             Self::TimeUnit => "expected a unit of time, such as `time_s` or `time_us`",
@@ -298,6 +299,9 @@ impl FindingKind {
             Self::BurstTime => {
                 "the times are kept as they stand: if a host stamped the rows as they arrived, declare that rate as `rate` \
                  of the `clock`, instead of its `column`; if they were sampled in bursts, nothing is to be done"
+            }
+            Self::BeyondCurve => {
+                "the curves keep their values at the ends: calibrate over this range of the temperature too"
             }
             Self::Saturation => {
                 "the samples are kept as they stand: check the range of the instrument, if this is a \

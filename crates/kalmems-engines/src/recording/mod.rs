@@ -29,6 +29,7 @@
 mod beside;
 pub(crate) mod blocks;
 pub(crate) mod clock_unit;
+mod compensation;
 mod computed_rows;
 mod contribution;
 pub(crate) mod counter;

@@ -3,7 +3,7 @@
 use super::counter::CounterTimes;
 use super::findings::{FindingPlace, Findings, short};
 use super::label::SegmentLabel;
-use super::plan::ReadingPlan;
+use super::plan::{ReadingPlan, TargetColumn};
 use super::rails::{LONG_RUN, RailPart, Rails};
 use super::repeats::Repeats;
 use super::request::ReadRequest;
@@ -12,8 +12,8 @@ use super::scale::ColumnScale;
 use super::segment::{LineNumbers, Segment, SegmentTimes, TimeBase};
 use super::time::{TimeCheck, TimingTally};
 use super::{
-    Finding, FindingKind as Kind, RecordingColumn, RecordingSource, Restarts, SampledRecording, StretchPlace,
-    TimeOrigin, TimeSource,
+    Finding, FindingKind as Kind, RecordingSource, Restarts, SampledRecording, StretchPlace, TimeOrigin,
+    TimeSource,
 };
 use kalmems_figures::number;
 use kalmems_formats::{Block, CellFault, CellFinding, Instant, TimeReader, TimeUnit, may_be_grouped};
@@ -57,7 +57,7 @@ pub(super) struct Pass {
     begun: BTreeMap<SegmentLabel, usize>,
     /// Rows that do not go on from those before them, and how many are missing between.
     breaks: VecDeque<(usize, u64)>,
-    /// One for each target; none for the labels of the segments, which are constant in each by their nature.
+    /// One for each target that is looked at.
     rails: Vec<Option<Rails>>,
     /// Columns that are one.
     repeats: Repeats,
@@ -86,12 +86,9 @@ impl Pass {
             }
             TimeSource::Column(name) => TimeSource::Column(name.clone()),
         };
-        let rails = |target: &super::plan::TargetColumn| {
-            (plan.segment_column != Some(target.index)).then(|| Rails::new(target.index))
-        };
+        let rails = |target: &TargetColumn| is_looked_at(&plan, target).then(|| Rails::new(target.index));
         let counter = CounterTimes::new(plan.clock_unit.unit);
-        let looked_at: Vec<bool> =
-            plan.targets.iter().map(|target| plan.segment_column != Some(target.index)).collect();
+        let looked_at: Vec<bool> = plan.targets.iter().map(|target| is_looked_at(&plan, target)).collect();
         Self {
             repeats: Repeats::new(&looked_at),
             last_news: Vec::new(),
@@ -185,6 +182,15 @@ impl Pass {
             append(&mut target.values, numbers(target.slot), target.scale, |row, number| {
                 self.findings.add(Kind::Infinite, place(row), || format!("`{number:e}` is not finite"));
             });
+            if let Some([low, high]) = target.curve_range {
+                let fresh = target.values.iter().skip(first).enumerate();
+                for (row, value) in fresh.filter(|(_, value)| **value < low || **value > high) {
+                    self.findings.add(Kind::BeyondCurve, place(row), || {
+                        let [value, low, high] = [*value, low, high].map(short);
+                        format!("{value} K is beyond the curves from {low} to {high} K")
+                    });
+                }
+            }
             let Some((low, high)) = target.range else { continue };
             for (row, value) in target.values.iter_mut().skip(first).enumerate() {
                 if *value <= low || *value >= high {
@@ -595,10 +601,10 @@ impl Pass {
                 TimeBase { times: SegmentTimes::Column(times), interval_s, uniform }
             }
         };
-        let columns = self.plan.targets.iter();
+        let values = self.plan.targets.iter().map(|target| copy(&target.values)).collect();
         Some(SampledRecording {
             source: source.clone(),
-            columns: columns.map(|t| RecordingColumn::new(t.header.clone(), copy(&t.values))).collect(),
+            columns: self.plan.columns(values),
             segments: vec![Segment {
                 label: self.labels.get(draft.record).cloned().unwrap_or_default(),
                 rows: 0..rows.len(),
@@ -646,16 +652,22 @@ impl Pass {
             segments.push(Segment { label, rows: draft.start..end, time, stretch: draft.stretch });
         }
         segments.reverse();
-        let columns = self.plan.targets.into_iter();
+        let values = self.plan.targets.iter_mut().map(|target| std::mem::take(&mut target.values)).collect();
         SampledRecording {
             source,
-            columns: columns.map(|t| RecordingColumn::new(t.header, t.values)).collect(),
+            columns: self.plan.columns(values),
             diagnosis,
             segments,
             rows,
             origin: self.origin,
         }
     }
+}
+
+/// Whether a column is searched for what is wrong with it: the labels of segments are constant in each by their nature, and a temperature stays where
+/// it was set.
+fn is_looked_at(plan: &ReadingPlan, target: &TargetColumn) -> bool {
+    plan.segment_column != Some(target.index) && !target.is_hidden
 }
 
 /// The times of a clock that the file does not hold, from a row of a segment on.

@@ -1,11 +1,12 @@
 //! Which columns of a file are read, as its header says.
 
 use super::clock_unit::ClockUnit;
+use super::compensation::{self, TargetCompensation};
 use super::error::hint;
 use super::findings::{FindingPlace, Findings};
 use super::request::{ColumnSelection, ReadRequest};
 use super::scale::ColumnScale;
-use super::{DeclaredColumn, Finding, FindingKind as Kind, TimeSource, reading};
+use super::{DeclaredColumn, Finding, FindingKind as Kind, RecordingColumn, TimeSource, reading};
 use crate::units::{ColumnHeader, Unit, UnitError};
 use kalmems_formats::{self as formats, Instant, TableDescription, TableEvidence, TimeKind, TimeUnit};
 use std::collections::BTreeMap;
@@ -20,8 +21,14 @@ pub(super) struct TargetColumn {
     pub(super) range: Option<(f64, f64)>,
     /// Which of the columns of numbers in a block it is.
     pub(super) slot: usize,
-    /// Its values in SI, as far as they are kept.
+    /// Its values in SI, as far as they are kept; as they were measured.
     pub(super) values: Vec<f64>,
+    /// What it is compensated for where it is given away.
+    pub(super) compensation: Option<TargetCompensation>,
+    /// Of the temperature of other columns: the range of their curves in K.
+    pub(super) curve_range: Option<[f64; 2]>,
+    /// Whether it is read only because other columns are compensated with it.
+    pub(super) is_hidden: bool,
 }
 
 impl TargetColumn {
@@ -31,7 +38,17 @@ impl TargetColumn {
 
     fn of(index: usize, header: ColumnHeader) -> Self {
         let scale = ColumnScale::of(header.unit);
-        Self { index, scale, header, range: None, slot: 0, values: Vec::new() }
+        Self {
+            index,
+            scale,
+            header,
+            range: None,
+            slot: 0,
+            values: Vec::new(),
+            compensation: None,
+            curve_range: None,
+            is_hidden: false,
+        }
     }
 
     /// A column of the file as the settings say.
@@ -55,6 +72,9 @@ impl TargetColumn {
         }
         let applied = reading::apply(reading, &target.header)
             .and_then(|(header, scale)| Ok((reading::range(reading, &header)?, header, scale)));
+        if let Some(Err(why)) = &reading.compensation {
+            findings.add(Kind::Contradiction, place, || why.clone());
+        }
         match applied {
             Ok(applied) => (target.range, target.header, target.scale) = applied,
             Err(why) => findings.add(Kind::Contradiction, place, || why),
@@ -124,11 +144,12 @@ impl ReadingPlan {
             }
             found.first().copied()
         };
+        let of_declared = |known: &DeclaredColumn, findings: &mut Findings| {
+            let index = find(&known.column, known.reading.is_some(), findings)?;
+            Some(TargetColumn::declared(index, &names, known, line, findings))
+        };
         let target = |name: &str, is_clock: bool, findings: &mut Findings| match declared(name, is_clock) {
-            Some(known) => {
-                let index = find(name, known.reading.is_some(), findings)?;
-                Some(TargetColumn::declared(index, &names, known, line, findings))
-            }
+            Some(known) => of_declared(known, findings),
             None => Some(TargetColumn::new(find(name, false, findings)?, name, &names)),
         };
         let clock = match request.clock {
@@ -156,6 +177,8 @@ impl ReadingPlan {
                 .collect()
             }
         };
+        let known = |name: &str| declared(name, false);
+        let targets = compensation::with_what_compensates(targets, line, known, of_declared, findings);
         let named = matches!(request.columns, ColumnSelection::Named(_));
         let place = |target: &TargetColumn| FindingPlace { column: Some(target.index), segment: None, line };
         for target in targets.iter().filter(|target| target.header.unit.is_none()) {
@@ -189,6 +212,13 @@ impl ReadingPlan {
             let next = slots.len();
             target.slot = *slots.entry(target.index).or_insert(next);
         }
+    }
+
+    /// The columns that are given away, with values of all columns as they were measured.
+    pub(super) fn columns(&self, mut values: Vec<Vec<f64>>) -> Vec<RecordingColumn> {
+        compensation::compensate(&self.targets, &mut values);
+        let all = self.targets.iter().zip(values).filter(|(target, _)| !target.is_hidden);
+        all.map(|(target, values)| RecordingColumn::new(target.header.clone(), values)).collect()
     }
 
     /// What is to be read.

@@ -82,6 +82,16 @@ pub(super) fn words(reading: &ColumnReading, file: &ColumnHeader) -> String {
     if let Some([low, high]) = &reading.range {
         words += &format!(", between `{}` and `{}`", low.text(), high.text());
     }
+    if let Some(Ok(compensation)) = &reading.compensation {
+        let curves = compensation.cross_axis.iter().map(|(_, curve)| curve);
+        let curves = compensation.bias.iter().chain(&compensation.scale_factor).chain(curves);
+        let names: Vec<String> = curves.map(|curve| format!("`{}`", curve.name)).collect();
+        words += &format!(
+            ", compensated by {} at the temperature of `{}`",
+            names.join(", "),
+            compensation.temperature.column
+        );
+    }
     words
 }
 
@@ -96,7 +106,7 @@ mod tests {
             unit: (!unit.is_empty()).then(|| (unit.to_owned(), Unit::parse(unit).unwrap())),
             scale: value(scale),
             offset: value(offset),
-            range: None,
+            ..ColumnReading::default()
         }
     }
 

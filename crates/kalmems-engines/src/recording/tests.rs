@@ -1,6 +1,8 @@
 //! Each kind of finding from a small file, and what is read from files of every form.
 
 use super::*;
+use crate::config::layout::ColumnCompensation;
+use crate::config::{CurvePiece, TemperatureCurve};
 use crate::units::kind;
 use kalmems_core::Portable;
 use proptest::prelude::*;
@@ -822,7 +824,7 @@ fn declared(column: &str, key: &str, [unit, scale, offset]: [&str; 3]) -> Declar
         column: column.to_owned(),
         key: key.to_owned(),
         usual_unit: Some(if key == DeclaredColumn::CLOCK { "s" } else { "V" }),
-        reading: said.then_some(ColumnReading { unit, scale, offset, range: None }),
+        reading: said.then_some(ColumnReading { unit, scale, offset, ..ColumnReading::default() }),
     }
 }
 
@@ -847,6 +849,54 @@ fn a_declared_column_is_read_as_the_settings_say_and_this_is_reported() {
     assert_eq!(gyro.values, [1.05, 1.1, 1.15]);
     assert_eq!(recording.segments()[0].time.interval_s(), Some(1e-3));
     insta::assert_snapshot!(diagnosis(text, &layout));
+}
+
+/// A column is compensated at the temperature of another one, which is read for that alone; the other sensor enters with its own bias and scale factor.
+#[test]
+fn a_column_is_compensated_over_the_temperature_and_against_other_columns() {
+    let text = "time_s,t_K,x_V,y_V\n0,300,5,3\n1,310,5,3\n2,,5,3\n3,330,5,3\n";
+    let curve = |name: &str, unit: &str, coefficients: &[f64]| TemperatureCurve {
+        name: name.to_owned(),
+        unit: unit.to_owned(),
+        range_k: [290.0, 320.0],
+        pieces: vec![CurvePiece { reference_k: 300.0, coefficients: coefficients.to_vec() }],
+    };
+    let compensation = |unit: &str, cross: &[(String, TemperatureCurve)]| ColumnCompensation {
+        temperature: declared("t_K", "temperature", ["", "", ""]),
+        bias: Some(curve("bias", unit, &[1.0, 0.1])),
+        scale_factor: Some(curve("scale", "1", &[2.0])),
+        cross_axis: cross.to_vec(),
+    };
+    let cross = [("y_V".to_owned(), curve("cross", "1", &[0.5]))];
+    let column = |name: &str, compensation: ColumnCompensation| {
+        let reading =
+            ColumnReading { compensation: Some(Ok(Box::new(compensation))), ..ColumnReading::default() };
+        DeclaredColumn { reading: Some(reading), ..declared(name, "signal", ["", "", ""]) }
+    };
+    // What is clipped is seen in the values as they were measured, although no two compensated ones are the same.
+    let clipped = sine(600, 200.0, 100.0, 0.0, 80.0);
+    let rows = clipped.lines().enumerate().map(|(row, line)| match row {
+        0 => format!("{line},t_K\n"),
+        _ => format!("{line},{}\n", 300.0 + 0.01 * row as f64),
+    });
+    let warming = with(layout("time_us", "", &["cap_V"]), &[column("cap_V", compensation("V", &[]))]);
+    let recording = read(rows.collect::<String>().as_bytes(), &warming).unwrap();
+    let found = recording.diagnosis.iter().filter(|found| found.kind == FindingKind::Saturation);
+    assert_eq!(found.map(|found| found.count).sum::<usize>(), saturated(&clipped));
+    assert!(saturated(&clipped) > 0);
+    let columns = [column("x_V", compensation("V", &cross)), column("y_V", compensation("V", &[]))];
+    let layout = with(layout("time_s", "", &["x_V"]), &columns);
+    let recording = read(text.as_bytes(), &layout).unwrap();
+    assert_eq!(recording.columns().len(), 1);
+    let values = &recording.column("x_V").unwrap().values;
+    // At 300 K y is (3 − 1)/2 and x (5 − 1 − 0.5·1)/2; at 310 K y is (3 − 2)/2 and x (5 − 2 − 0.25)/2; beyond 320 K the curves keep 3.
+    assert_eq!([values[0], values[1], values[3]], [1.75, 1.375, 1.0]);
+    assert!(values[2].is_nan());
+    let found = diagnosis(text, &layout);
+    assert!(found.contains("330 K is beyond the curves from 290 to 320 K"), "{found}");
+    let wrong = with(layout.clone(), &[column("x_V", compensation("A", &[])), columns[1].clone()]);
+    let found = diagnosis(text, &wrong);
+    assert!(found.contains("the curve `bias` is in `A`, which does not fit"), "{found}");
 }
 
 /// What is at the ends of a stated range or beyond them is no value, in the unit of the result, and nothing else.

@@ -221,7 +221,7 @@ fn with_recording(device: &Device, folder: &Path) -> (String, PathBuf) {
     (text + &recording, folder.join("experiment.toml"))
 }
 
-fn estimate(experiment: &Experiment) -> Result<SegmentEstimate, String> {
+pub(super) fn estimate(experiment: &Experiment) -> Result<SegmentEstimate, String> {
     let rig = published().rig(experiment).map_err(|why| why.to_string())?;
     let wanted = rig.wanted(experiment).map_err(|why| why.to_string())?;
     let index = wanted[0];

@@ -239,7 +239,7 @@ fn the_schema_of_calibrations_accepts_the_examples_and_refuses_what_is_broken() 
     for text in [&calibration, &example("by_stage.toml"), &example("three_axes.toml")] {
         assert!(accepts(&schema, &as_json(text)));
     }
-    for name in ["unit.toml", "table.toml"] {
+    for name in ["unit.toml", "table.toml", "motion.toml"] {
         let text = fs::read_to_string(Path::new("../../examples/inertial_unit").join(name)).unwrap();
         assert!(accepts(&schema, &as_json(&text)), "{name}");
         for (from, to) in
