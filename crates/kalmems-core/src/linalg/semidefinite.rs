@@ -6,9 +6,10 @@ use crate::{Covariance, Scalar};
 
 /// P = L·Lᵀ with L lower triangular and zero columns where P is singular to rounding.
 ///
-/// A pivot within 8·N·ε of its diagonal entry is what rounding leaves of a zero and counts as zero: that
-/// state is exactly known from those before it. So does a negative one within √ε of it, which is what rounding
-/// leaves after very many steps without noise. A pivot further below zero than that, or a correlation beyond
+/// A pivot within N·ε/2 of its diagonal entry is what rounding leaves of a zero and counts as zero: that
+/// state is exactly known from those before it. So does a negative one within ε^¼ of it, which is what rounding
+/// leaves after very many steps without noise: of a variance that is itself the small difference of larger ones, as of the speed of a resonator that
+/// slowly follows its rest, rounding is no small part. A pivot further below zero than that, or a correlation beyond
 /// one with a zero pivot, belongs to no covariance and clears `sound`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Semidefinite<T: Scalar, const N: usize> {
@@ -45,8 +46,8 @@ impl<T: Scalar, const N: usize> Semidefinite<T, N> {
     #[inline(always)]
     fn written_out(covariance: &Covariance<T, N>) -> Self {
         let (zero, one) = (T::of(0.0), T::of(1.0));
-        let tolerance = epsilon::<T>() * T::of(8.0 * N as f64);
-        let accumulated = epsilon::<T>().sqrt();
+        let tolerance = epsilon::<T>() * T::of(0.5 * N as f64);
+        let accumulated = epsilon::<T>().sqrt().sqrt();
         let mut l = Mat::<T, N, N>::zero();
         let mut sound = covariance.is_finite();
         for j in 0..N {

@@ -1,7 +1,7 @@
 //! The backward step of Rauch, Tung and Striebel, in square-root form.
 
 use crate::linalg::{Semidefinite, epsilon, reduced, times_inverse, triangularize};
-use crate::notation::{lower, sum, vector};
+use crate::notation::{lower, matrix, sum, vector};
 use crate::{Covariance, FilterError, Gaussian, Mat, Scalar, StateTransition};
 
 /// A Gaussian over a state, given measurements before and after it. The covariance is held as a factor.
@@ -21,9 +21,7 @@ impl<T: Scalar, const N: usize> Smoothed<T, N> {
     /// [`FilterError::CovarianceNotPositive`] where it has a negative variance in some direction.
     #[inline(always)]
     pub fn newest(filtered: &Gaussian<T, N>) -> Result<Self, FilterError> {
-        let covariance = &filtered.covariance;
-        let magnitude: [T; N] = vector!(|i| filtered.mean[i].abs());
-        let factors = Semidefinite::of(&floored(covariance, covariance, &magnitude));
+        let factors = known(filtered);
         if !factors.sound {
             return Err(FilterError::CovarianceNotPositive);
         }
@@ -43,21 +41,32 @@ impl<T: Scalar, const N: usize> Smoothed<T, N> {
     }
 }
 
-/// A covariance with what the arithmetic adds to it: so small a part of these variances and of these means.
+/// As much of variances as rounding leaves of a combination of N states that is known exactly.
+#[inline(always)]
+fn rounded<T: Scalar, const N: usize>(variances: &[T; N]) -> [T; N] {
+    let factored = epsilon::<T>() * T::of(2.0 * N as f64);
+    vector!(|i| variances[i] * factored)
+}
+
+/// The factor of a covariance with what the arithmetic adds to it: the rounding of its variances, and that of these means.
 #[inline(always)]
 fn floored<T: Scalar, const N: usize>(
     covariance: &Covariance<T, N>,
-    variances: &Covariance<T, N>,
+    rounding: &[T; N],
     means: &[T; N],
-) -> Covariance<T, N> {
+) -> Semidefinite<T, N> {
     // Rounding that is accumulated over as many steps as a decay may take: 8192 units in the last place of f64, 54 of f32.
-    let rounding = epsilon::<T>().sqrt() * epsilon::<T>().sqrt().sqrt();
-    // As much as rounding leaves of a combination of N states that is known exactly.
-    let factored = epsilon::<T>() * T::of(2.0 * N as f64);
-    lower!(|i, j| {
+    let accumulated = epsilon::<T>().sqrt() * epsilon::<T>().sqrt().sqrt();
+    Semidefinite::of(&lower!(|i, j| {
         let known = covariance.get(i, j);
-        if i == j { known + variances.get(i, i) * factored + (means[i] * rounding).sq() } else { known }
-    })
+        if i == j { known + rounding[i] + (means[i] * accumulated).sq() } else { known }
+    }))
+}
+
+/// The factor of what is known of a state, no better than its own arithmetic.
+#[inline(always)]
+fn known<T: Scalar, const N: usize>(state: &Gaussian<T, N>) -> Semidefinite<T, N> {
+    floored(&state.covariance, &rounded(&vector!(|i| state.covariance.get(i, i))), &state.mean)
 }
 
 /// How an earlier state depends on a later one, given all measurements up to the earlier: one step of a
@@ -85,8 +94,10 @@ fn floored<T: Scalar, const N: usize>(
 ///
 /// Where a decaying state has no process noise, G = F⁻¹, and what rounding has left of s⁺ − p would grow backwards with e^{t/τ}. So P and Ω
 /// count as no smaller than the arithmetic of the means and of the covariance: a standard deviation of ε^¾ of the mean is added to each
-/// state, and 2·N·ε of its own variance, of P to P and of P⁺ to Ω. As soon as P falls below that in some direction, later samples tell no
-/// more of the earlier state there. A filter that has determined some combination of its states to the last digit is factored by it too.
+/// state, and a variance of 2·N·ε of its own to P and of (Σ|F|·σ)², whose parts may cancel in P⁺, to Ω. As soon as P falls below that in
+/// some direction, later samples tell no more of the earlier state there. The rounding of P⁺ is no noise that later samples have taken away:
+/// it is added to P_s⁺ too, without which a smoothed standard deviation would be smaller by up to 30 %. A filter that has determined some
+/// combination of its states to the last digit is factored by it too.
 ///
 /// P, Ω and P⁺ may be singular, where no noise enters, a state is known exactly or a transition forgets one.
 /// G is then any solution of G·X = Y; which one does not matter, because s⁺ − p has no part outside the range
@@ -136,8 +147,7 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
 
     /// One step of a filter, from its state before the prediction, the link, and the predicted mean.
     ///
-    /// A variance of P or Ω that is zero to rounding
-    /// counts as zero: one that the states before it explain but for 8·N·ε of it. Refused with
+    /// A variance of P or Ω that is zero to rounding counts as zero: one that the states before it explain but for N·ε/2 of it. Refused with
     /// [`FilterError::CovarianceNotPositive`] where P or Ω has a negative variance in some
     /// direction (sigma points with a negative weight in the centre can leave such an Ω), and with
     /// [`FilterError::NonFiniteState`] where the step is not finite.
@@ -150,16 +160,21 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
         let reached: [T; N] = vector!(|i| {
             predicted[i].abs() + sum!(N, |k| (link.transition.0[i][k] * before.mean[k]).abs())
         });
-        let magnitude: [T; N] = vector!(|i| before.mean[i].abs());
-        let moved = before.covariance.transformed(&link.transition);
-        let state = Semidefinite::of(&floored(&before.covariance, &before.covariance, &magnitude));
-        let noise = Semidefinite::of(&floored(&link.noise, &moved.plus(&link.noise), &reached));
+        // Of what may cancel in F·P·Fᵀ each part is rounded.
+        let deviations: [T; N] = vector!(|i| before.covariance.get(i, i).abs().sqrt());
+        let sums: [T; N] = vector!(|i| {
+            sum!(N, |k| link.transition.0[i][k].abs() * deviations[k]).sq() + link.noise.get(i, i)
+        });
+        let rounding = rounded(&sums);
+        let (state, noise) = (known(before), floored(&link.noise, &rounding, &reached));
         let mut below = [[state.root, Mat::zero()]];
         let (x, [y]) = reduced([link.transition.times(&state.root), noise.root], &mut below);
         let [[rest, noise_rest]] = below;
-        let root = triangularize(rest, noise_rest, Mat::zero());
         // G·X = Y; a column of zeros asks for nothing.
         let gain = times_inverse(&y, &x);
+        let kept = matrix!(|i, j| gain.0[i][j] * rounding[j].sqrt());
+        let kept = triangularize(kept, Mat::<T, N, 0>::zero(), Mat::zero());
+        let root = triangularize(rest, noise_rest, kept);
 
         if !(state.sound && noise.sound) {
             return Err(FilterError::CovarianceNotPositive);

@@ -653,6 +653,106 @@ fn on_simulated_pendulums_the_smoother_is_better_and_consistent() {
     assert!(exceeded.iter().all(|count| (low..=high).contains(count)), "{exceeded:?} in {low}..={high}");
 }
 
+/// A mirror that follows its warmth, which a warmer frame holds: angle, rate and two temperatures, without noise. Nothing is known of it but
+/// its start and how it is read.
+struct Mirror {
+    process: LinearProcess<f64, 4, 0>,
+    measurement: LinearMeasurement<f64, 4, 1>,
+    ys: Vec<f64>,
+}
+
+const MIRROR_R: f64 = 2.5e-7;
+
+impl SmoothingCourse<f64, Ekf<f64, 4>, 4> for Mirror {
+    type Error = FilterError;
+    fn samples(&self) -> usize {
+        self.ys.len()
+    }
+    fn advance(
+        &mut self,
+        filter: &mut Ekf<f64, 4>,
+        _: usize,
+    ) -> Result<StateTransition<f64, 4>, FilterError> {
+        filter.predict_linked(&self.process, &[])
+    }
+    fn correct(&mut self, filter: &mut Ekf<f64, 4>, sample: usize) -> Result<(), FilterError> {
+        let noise = Covariance::from_variances([MIRROR_R]);
+        filter.update(&self.measurement, &[self.ys[sample]], &noise).map(|_| ())
+    }
+}
+
+/// Where all that decays is known to the last digit and a variance is what larger ones leave of one another, rounding makes it negative by more than a
+/// millionth of itself. The smoother goes on, and says what all samples say of the start by least squares, moved to each sample.
+#[test]
+fn what_has_decayed_is_smoothed_as_least_squares_have_it() {
+    let (frame_s, actuator_s, w) = (3.0, 8e-3, 3015.0);
+    let rates = SMatrix::<f64, 4, 4>::from_row_slice(&[
+        0.0,
+        1.0,
+        0.0,
+        0.0,
+        -w * w,
+        -w / 38.0,
+        2e-3 * w * w,
+        -4e-4 * w * w,
+        0.0,
+        0.0,
+        -1.0 / actuator_s,
+        1.0 / actuator_s,
+        0.0,
+        0.0,
+        0.16,
+        -1.0 / frame_s,
+    ]);
+    let moved = (rates * 1e-4).exp();
+    let (sight, samples) = ([2.5, 0.0, 0.0, 3e-3], 6000);
+    let (start, sds) = (SVector::from([0.1, 0.0, 50.0, 3.0]), SVector::from([1e-3, 1.0, 0.1, 0.1]));
+    let mut normal = Normal(5);
+    let truth = start + sds.map(|sd| sd * normal.next());
+    // A row of all that is known of the start, in units of its standard deviations.
+    let (mut rows, mut right) = (DMatrix::zeros(samples + 4, 4), DVector::zeros(samples + 4));
+    rows.view_mut((0, 0), (4, 4)).fill_with_identity();
+    let (mut power, mut ys, mut powers) = (SMatrix::<f64, 4, 4>::identity(), Vec::new(), Vec::new());
+    let sees = SVector::from(sight).transpose();
+    for sample in 0..samples {
+        let row = sees * power;
+        let y = (row * truth)[0] + MIRROR_R.sqrt() * normal.next();
+        let scaled = row.component_mul(&sds.transpose()) / MIRROR_R.sqrt();
+        rows.row_mut(sample + 4).copy_from(&scaled);
+        right[sample + 4] = (y - (row * start)[0]) / MIRROR_R.sqrt();
+        ys.push(y);
+        powers.push(power);
+        power = moved * power;
+    }
+    let qr = rows.qr();
+    let inverse = qr.r().solve_upper_triangular(&DMatrix::identity(4, 4)).unwrap();
+    let scale = DMatrix::from_diagonal(&DVector::from_column_slice(sds.as_slice()));
+    let root = &scale * &inverse;
+    let found = DVector::from_column_slice(start.as_slice()) + &root * (qr.q().transpose() * right);
+
+    let mut mirror = Mirror {
+        process: LinearProcess {
+            transition: Mat::from_fn(|i, j| moved[(i, j)]),
+            input: Mat::zero(),
+            noise: ProcessNoise::none(),
+        },
+        measurement: LinearMeasurement { matrix: Mat([sight]) },
+        ys,
+    };
+    let ekf = Ekf::new(start.into(), Covariance::from_standard_deviations(sds.into()));
+    let all = smoothed(&ekf, &mut mirror, 80).unwrap();
+    for (k, (state, power)) in all.iter().zip(&powers).enumerate() {
+        let (mean, spread) = (power * &found, power * &root);
+        for i in 0..4 {
+            let sd = spread.row(i).norm();
+            let claimed = state.covariance().get(i, i).sqrt();
+            let apart = (state.mean[i] - mean[i]) / sd;
+            assert!(apart.abs() < 1e-3, "sample {k}, state {i}: {apart}");
+            assert!((0.99..1.1).contains(&(claimed / sd)), "sample {k}, state {i}: {claimed} for {sd}");
+        }
+    }
+}
+
 /// However a recording is cut into blocks, and whatever the storage held before, to the bit.
 #[test]
 fn blocks_change_nothing() {
