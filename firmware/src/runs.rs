@@ -34,7 +34,7 @@ fn said<T: Scalar>([angle, rate]: [T; 2], covariance: Covariance<T, 2>) -> [T; 4
 /// The shared-electrode scanner by Euler's method.
 pub struct Euler<T>(scanner::Estimator<T>);
 
-impl<T: Scalar<Mask = bool>> Run<T> for Euler<T> {
+impl<T: Scalar> Run<T> for Euler<T> {
     type Sample = (T, T);
     const STEPS: usize = scanner_samples::SIGNAL_V.len() - 1;
 
@@ -61,7 +61,7 @@ impl<T: Scalar<Mask = bool>> Run<T> for Euler<T> {
 /// The same by the Runge–Kutta method.
 pub struct RungeKutta<T>(scanner_rk4::Estimator<T>);
 
-impl<T: Scalar<Mask = bool>> Run<T> for RungeKutta<T> {
+impl<T: Scalar> Run<T> for RungeKutta<T> {
     type Sample = (Nodes<T>, T);
     const STEPS: usize = scanner_samples::SIGNAL_V.len() - 1;
 
@@ -93,7 +93,7 @@ impl<T: Scalar<Mask = bool>> Run<T> for RungeKutta<T> {
 /// The threshold-sensing scanner: detector and filter.
 pub struct Threshold<T: Scalar>(threshold::Estimator<T>);
 
-impl<T: Scalar<Mask = bool>> Run<T> for Threshold<T> {
+impl<T: Scalar> Run<T> for Threshold<T> {
     type Sample = T;
     const STEPS: usize = threshold_samples::SIGNAL_V.len() - 1;
 
@@ -117,7 +117,7 @@ impl<T: Scalar<Mask = bool>> Run<T> for Threshold<T> {
     }
 }
 
-impl<T: Scalar<Mask = bool>> Threshold<T> {
+impl<T: Scalar> Threshold<T> {
     /// How many crossings there were.
     pub fn crossings(&self) -> u32 {
         self.0.crossings()

@@ -45,7 +45,7 @@ pub struct Estimator<T> {
     filter: Ekf<T, 2>,
 }
 
-impl<T: Scalar<Mask = bool>> Estimator<T> {
+impl<T: Scalar> Estimator<T> {
     /// Before the first sample.
     #[inline(always)]
     pub fn new() -> Self {
@@ -80,7 +80,7 @@ impl<T: Scalar<Mask = bool>> Estimator<T> {
     }
 }
 
-impl<T: Scalar<Mask = bool>> Default for Estimator<T> {
+impl<T: Scalar> Default for Estimator<T> {
     fn default() -> Self {
         Self::new()
     }

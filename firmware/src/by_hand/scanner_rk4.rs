@@ -50,7 +50,7 @@ pub struct Estimator<T> {
     due: Decimation,
 }
 
-impl<T: Scalar<Mask = bool>> Estimator<T> {
+impl<T: Scalar> Estimator<T> {
     /// Before the first sample.
     #[inline(always)]
     pub fn new() -> Self {
@@ -89,7 +89,7 @@ impl<T: Scalar<Mask = bool>> Estimator<T> {
     }
 }
 
-impl<T: Scalar<Mask = bool>> Default for Estimator<T> {
+impl<T: Scalar> Default for Estimator<T> {
     fn default() -> Self {
         Self::new()
     }
