@@ -1,6 +1,6 @@
 //! The lower Cholesky factor.
 
-use super::{Mat, are_many, epsilon, triangularize};
+use super::{Mat, epsilon, triangularize};
 use crate::notation::{less, matrix, vector};
 use crate::{Covariance, Scalar};
 
@@ -42,23 +42,8 @@ impl<T: Scalar, const N: usize> Cholesky<T, N> {
     ///
     /// Right for what is positive semi-definite; anything else has no such factor, and a filter that is given
     /// it is wrong from the start.
-    #[inline(always)]
-    pub fn of_semidefinite(covariance: &Covariance<T, N>) -> Mat<T, N, N> {
-        if const { are_many::<T>(N, N, N) } {
-            Self::root_called(covariance)
-        } else {
-            Self::root_written_out(covariance)
-        }
-    }
-
-    /// One function for all users of a size of many states.
     #[inline(never)]
-    fn root_called(covariance: &Covariance<T, N>) -> Mat<T, N, N> {
-        Self::root_written_out(covariance)
-    }
-
-    #[inline(always)]
-    fn root_written_out(covariance: &Covariance<T, N>) -> Mat<T, N, N> {
+    pub fn of_semidefinite(covariance: &Covariance<T, N>) -> Mat<T, N, N> {
         let (zero, one) = (T::of(0.0), T::of(1.0));
         let rounding = epsilon::<T>() * T::of(8.0 * N as f64);
         let whole: [T; N] = vector!(|i| {

@@ -1,6 +1,6 @@
 //! Factors of a covariance that may be singular.
 
-use super::{Mat, are_many};
+use super::Mat;
 use crate::notation::sum;
 use crate::{Covariance, Scalar};
 
@@ -28,23 +28,8 @@ pub(crate) fn epsilon<T: Scalar>() -> T {
 
 impl<T: Scalar, const N: usize> Semidefinite<T, N> {
     /// Factors a covariance.
-    #[inline(always)]
-    pub fn of(covariance: &Covariance<T, N>) -> Self {
-        if const { are_many::<T>(N, N, N) } {
-            Self::called(covariance)
-        } else {
-            Self::written_out(covariance)
-        }
-    }
-
-    /// One function for all users of a size of many states.
     #[inline(never)]
-    fn called(covariance: &Covariance<T, N>) -> Self {
-        Self::written_out(covariance)
-    }
-
-    #[inline(always)]
-    fn written_out(covariance: &Covariance<T, N>) -> Self {
+    pub fn of(covariance: &Covariance<T, N>) -> Self {
         let (zero, one) = (T::of(0.0), T::of(1.0));
         let tolerance = epsilon::<T>() * T::of(0.5 * N as f64);
         let accumulated = epsilon::<T>().sqrt().sqrt();

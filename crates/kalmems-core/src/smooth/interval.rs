@@ -1,6 +1,6 @@
 //! Smoothing a whole recording, in little memory.
 
-use super::{Backward, Smoothed, apply, newest, step_back};
+use super::{Backward, Smoothed};
 use crate::{FilterError, Gaussian, Scalar, StateTransition};
 use core::fmt;
 
@@ -175,7 +175,7 @@ where
             }
             let before = Gaussian::from(&filter);
             let link = course.advance(&mut filter, next).map_err(at(next))?;
-            *step = step_back(&before, &link, &Gaussian::from(&filter).mean)
+            *step = Backward::new(&before, &link, &Gaussian::from(&filter).mean)
                 .map_err(|cause| SmoothingError::Step { sample, cause })?;
             if next < end {
                 course.correct(&mut filter, next).map_err(at(next))?;
@@ -183,8 +183,8 @@ where
         }
         for (step, sample) in block.iter().zip(first..end).rev() {
             let smoothed = match &later {
-                Some(later) => apply(step, later),
-                None => newest(&Gaussian::from(&filter))
+                Some(later) => step.apply(later),
+                None => Smoothed::newest(&Gaussian::from(&filter))
                     .map_err(|cause| SmoothingError::Step { sample, cause })?,
             };
             each(sample, &smoothed).map_err(at(sample))?;

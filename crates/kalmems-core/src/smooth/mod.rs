@@ -4,12 +4,10 @@
 //! [`Filter`](crate::Filter). [`Backward`] is its one step; [`FixedLag`] applies it while samples arrive, and
 //! [`smooth_interval`] to a whole recording, which may be larger than the memory.
 
-mod called;
 mod fixed_lag;
 mod interval;
 mod rts;
 
-pub use called::{after, apply, newest, step_back};
 pub use fixed_lag::FixedLag;
 pub use interval::{SmoothingCourse, SmoothingError, smooth_interval};
 pub use rts::{Backward, Smoothed};

@@ -19,7 +19,7 @@ impl<T: Scalar, const N: usize> Smoothed<T, N> {
     ///
     /// A covariance that is singular to rounding is factored as singular. Refused with
     /// [`FilterError::CovarianceNotPositive`] where it has a negative variance in some direction.
-    #[inline(always)]
+    #[inline(never)]
     pub fn newest(filtered: &Gaussian<T, N>) -> Result<Self, FilterError> {
         let factors = known(filtered);
         if !factors.sound {
@@ -151,7 +151,7 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
     /// [`FilterError::CovarianceNotPositive`] where P or Ω has a negative variance in some
     /// direction (sigma points with a negative weight in the centre can leave such an Ω), and with
     /// [`FilterError::NonFiniteState`] where the step is not finite.
-    #[inline(always)]
+    #[inline(never)]
     pub fn new(
         before: &Gaussian<T, N>,
         link: &StateTransition<T, N>,
@@ -192,7 +192,7 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
     }
 
     /// The earlier state, from the later one as smoothed.
-    #[inline(always)]
+    #[inline(never)]
     #[must_use]
     pub fn apply(&self, later: &Smoothed<T, N>) -> Smoothed<T, N> {
         Smoothed {
@@ -202,7 +202,7 @@ impl<T: Scalar, const N: usize> Backward<T, N> {
     }
 
     /// This step after a `later` one, as one step.
-    #[inline(always)]
+    #[inline(never)]
     #[must_use]
     pub fn after(&self, later: &Self) -> Self {
         Self {

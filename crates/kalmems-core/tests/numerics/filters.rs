@@ -315,7 +315,7 @@ fn a_step_that_is_refused_leaves_what_two_would() {
         let r = Covariance::from_variances([r]);
         let found = one.step((&walk(noise), &[]), (&level, &[y], &r)).map(|i| i.taken);
         let expected =
-            two.predict(&walk(noise), &[]).and_then(|_| two.update(&level, &[y], &r)).map(|i| i.taken);
+            two.predict(&walk(noise), &[]).and_then(|()| two.update(&level, &[y], &r)).map(|i| i.taken);
         assert_eq!(found, expected, "{noise} {y}");
         assert!(found.is_err());
         assert_eq!((one.mean(), one.covariance()), (two.mean(), two.covariance()), "{noise} {y}");

@@ -9,9 +9,7 @@ use super::{
 };
 use crate::progress::Pace;
 use crate::progress::Progress;
-use kalmems_core::smooth::{
-    self, Backward, Smoothed, SmoothingError, after, apply, newest, smooth_interval, step_back,
-};
+use kalmems_core::smooth::{self, Backward, Smoothed, SmoothingError, smooth_interval};
 use kalmems_core::{FilterError, Mat, StateTransition};
 use std::ops::Range;
 
@@ -246,12 +244,12 @@ impl<const N: usize> Lagged<N> {
             if begun || k > 0 {
                 let before = filter.gaussian();
                 let link = smooth::SmoothingCourse::advance(&mut repeated, filter, k).map_err(at)?;
-                self.window.push(step_back(&before, &link, &filter.gaussian().mean).map_err(by_filter)?);
+                self.window.push(Backward::new(&before, &link, &filter.gaussian().mean).map_err(by_filter)?);
             }
             smooth::SmoothingCourse::correct(&mut repeated, filter, k).map_err(at)?;
             let last = part.ends && k + 1 == n;
             if place >= self.window.lag || last {
-                let now = newest(&filter.gaussian()).map_err(by_filter)?;
+                let now = Smoothed::newest(&filter.gaussian()).map_err(by_filter)?;
                 if place >= self.window.lag {
                     keep(place - self.window.lag, &self.window.oldest(&now));
                 }
@@ -278,7 +276,7 @@ struct LagWindow<const N: usize> {
 
 impl<const N: usize> LagWindow<N> {
     fn push(&mut self, step: Backward<f64, N>) {
-        self.product = Some(self.product.map_or(step, |product| after(&product, &step)));
+        self.product = Some(self.product.map_or(step, |product| product.after(&step)));
         self.newer.push(step);
     }
 
@@ -288,13 +286,13 @@ impl<const N: usize> LagWindow<N> {
             self.newer.clear();
             return *now;
         }
-        let recent = self.product.map_or(*now, |product| apply(&product, now));
+        let recent = self.product.map_or(*now, |product| product.apply(now));
         if let Some(product) = self.older.pop() {
-            return apply(&product, &recent);
+            return product.apply(&recent);
         }
         // The newer part has become as long as the lag: it is the older one from here on, less its first step.
         for step in self.newer.drain(..).rev() {
-            self.older.push(self.older.last().map_or(step, |later| after(&step, later)));
+            self.older.push(self.older.last().map_or(step, |later| step.after(later)));
         }
         self.older.pop();
         self.product = None;
@@ -306,13 +304,13 @@ impl<const N: usize> LagWindow<N> {
         let (mut state, mut sample) = (*now, last);
         keep(sample, &state);
         for step in self.newer.iter().rev() {
-            state = apply(step, &state);
+            state = step.apply(&state);
             sample -= 1;
             keep(sample, &state);
         }
         for product in &self.older {
             sample -= 1;
-            keep(sample, &apply(product, &state));
+            keep(sample, &product.apply(&state));
         }
     }
 }
