@@ -130,10 +130,9 @@ impl UnitSamples {
             (self.rates(), true, Axis::new("rate", "deg/s"), 1.0_f64.to_degrees()),
             (self.forces(), false, Axis::new("specific force", "m/s^2"), 1.0),
         ];
-        let of = |all: &[Option<&[f64]>; 3]| all.iter().flatten().copied().collect::<Vec<_>>();
         let columns: Vec<(&[f64], bool)> = each
             .iter()
-            .flat_map(|(all, is_rate, ..)| of(all).into_iter().map(move |values| (values, *is_rate)))
+            .flat_map(|(all, is_rate, ..)| all.iter().flatten().map(move |values| (*values, *is_rate)))
             .collect();
         let parts = self.still_parts(1.0, &columns).concat();
         let there = each.into_iter().filter(|(all, ..)| all.iter().any(Option::is_some));
