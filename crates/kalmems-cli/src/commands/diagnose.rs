@@ -35,7 +35,7 @@ pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), C
                 CommandEnding::Wrong(format!("`--cause {place}`: {} causes were found", causes.len()))
             })?)
         }
-        (None, _) if !found.is_ambiguous() => found.causes.first(),
+        (None, causes) if !found.is_ambiguous() => causes.iter().find(|cause| cause.withheld.is_none()),
         (None, causes) => {
             let names =
                 causes.iter().enumerate().map(|(place, cause)| format!("{}: {}", place + 1, cause.name));

@@ -1,12 +1,15 @@
 //! What a filter says over time.
 
+use super::gate::largest_nis;
 use super::{
-    Contribution, ErrorSpan, FilterStop, GateTurn, Lock, MeanAndCovariance, Rejection, StepCounts, StepError,
+    Contribution, ErrorSpan, FALSE_REJECTIONS, FilterStop, GateTurn, Lock, MeanAndCovariance, Rejection,
+    StepCounts, StepError,
 };
 use crate::units::Kind;
 use kalmems_core::FilterError;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// The name of the motion's phase among the quantities that follow from the states.
@@ -41,7 +44,7 @@ pub struct Trajectory {
     /// How many updates there were, and what stood in their way.
     pub counts: SampleCounts,
     /// The samples that the filter's gate rejected, in the order of time: they have no innovation above, corrected nothing, and have in
-    /// `log_likelihood` what the most improbable sample has that is taken.
+    /// `log_likelihood` the density of what the gate takes them for.
     pub rejected: Vec<Rejection>,
     /// The largest normalised innovation squared that the filter's gate believes, where it has one.
     pub gate_nis: Option<f64>,
@@ -471,7 +474,34 @@ impl Trajectory {
         let add = |(n, s): (usize, f64), v: f64| (n + 1, s + v);
         let further = signal.checked_sub(1).and_then(|place| self.further.get(place));
         let nis = further.map_or(&self.nis, |further| &further.nis);
-        self.where_followed(range, nis).fold((0, 0.0), add)
+        let rejected = self.rejected_normal(signal).filter(|one| range.contains(&one.sample));
+        self.where_followed(range, nis).chain(rejected.map(|one| one.size().powi(2))).fold((0, 0.0), add)
+    }
+
+    /// The samples of a signal that the gate rejected for their size and that normal noise has: beyond a bound of the gate that is nearer than the
+    /// usual one. Without them the innovations would be smaller than claimed and not normal, however right the filter is.
+    fn rejected_normal(&self, signal: usize) -> impl Iterator<Item = &Rejection> {
+        let bound = self.gate_nis.unwrap_or(f64::INFINITY);
+        let is_normal = move |one: &&Rejection| {
+            let nis = one.size().powi(2);
+            one.signal == signal && nis > bound && nis <= largest_nis(FALSE_REJECTIONS)
+        };
+        self.rejected.iter().filter(is_normal)
+    }
+
+    /// The innovations of a signal, by its place, and their standard deviations, before the gate as far as normal noise goes.
+    pub fn before_the_gate(&self, signal: usize) -> [Cow<'_, [f64]>; 2] {
+        let further = signal.checked_sub(1).and_then(|place| self.further.get(place));
+        let own = further.map_or([&self.innovation, &self.innovation_sd], |own| [&own.innovation, &own.sd]);
+        let mut all = own.map(|series| Cow::Borrowed(series.as_slice()));
+        for one in self.rejected_normal(signal) {
+            for (series, value) in all.iter_mut().zip([one.innovation, one.sd]) {
+                if let Some(entry) = series.to_mut().get_mut(one.sample) {
+                    *entry = value;
+                }
+            }
+        }
+        all
     }
 
     /// Those of a series that are numbers, in a range of samples, but for those where the signal is lost.
@@ -485,6 +515,42 @@ impl Trajectory {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
+
+    /// A gate that rejects one sample in a hundred of normal noise: what it leaves has a variance of 0.93, and before the gate it is 1.
+    #[test]
+    fn a_near_gate_takes_nothing_off_the_mean_nis_and_hides_no_shape() {
+        let bound = largest_nis(1e-2);
+        let mut noise = crate::simulate::WhiteNoise::new(7, 3);
+        let z: Vec<f64> = (0..20_000).map(|_| noise.sample()).collect();
+        let names = [("position", "m", &crate::units::kind::LENGTH)];
+        let mut trajectory =
+            Trajectory::blank(("", ""), TrajectoryKind::Filtered, (&z, &z, &(0..z.len())), &names);
+        trajectory.gate_nis = Some(bound);
+        for (k, z) in z.iter().enumerate() {
+            let is_taken = z * z <= bound;
+            // One disturbance that no normal noise has.
+            let innovation = if k == 77 { 40.0 } else { *z };
+            if is_taken && k != 77 {
+                (trajectory.innovation[k], trajectory.innovation_sd[k], trajectory.nis[k]) = (*z, 1.0, z * z);
+            } else {
+                trajectory.rejected.push(Rejection {
+                    sample: k,
+                    time_s: 0.0,
+                    signal: 0,
+                    innovation,
+                    sd: 1.0,
+                });
+            }
+        }
+        let found = trajectory.consistency(0..z.len()).unwrap();
+        assert!(found.updates == z.len() - 1 && found.holds(), "{found:?}");
+        let [innovation, sd] = trajectory.before_the_gate(0);
+        assert!(
+            innovation[77].is_nan() && (0..z.len()).all(|k| k == 77 || innovation[k] == z[k] && sd[k] == 1.0)
+        );
+    }
+
     #[test]
     fn the_interval_of_the_mean_is_that_of_chi_squared() {
         use statrs::distribution::{ChiSquared, ContinuousCDF};

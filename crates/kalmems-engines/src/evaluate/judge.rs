@@ -4,6 +4,7 @@ use super::budget::{BudgetRecord, UncertaintyBudget};
 use super::innovations::{InnovationEvidence, InnovationRecord, TestResult};
 use super::parameter::{ParameterAnswer, ParameterRecord};
 use super::rejections::{RejectionRecord, Rejections};
+use super::smoothed::SmoothingRecord;
 use crate::estimate::{Lock, SegmentEstimate, Trajectory, TrajectoryKind};
 use crate::progress::Interruption;
 
@@ -14,6 +15,8 @@ pub struct SegmentJudge {
     filters: Vec<FilterJudge>,
     /// One for each answer that considers what is uncertain of the device, a smoother's too, with its place.
     budgets: Vec<(usize, BudgetRecord)>,
+    /// One for each smoother, with its place.
+    smoothers: Vec<(usize, SmoothingRecord)>,
 }
 
 /// What a filter says against itself, or for itself.
@@ -87,6 +90,7 @@ impl SegmentJudge {
             self.filters[place].take(trajectory, estimate, stop);
             stop.advance(trajectory.time_s.len());
         }
+        self.take_smoothers(estimate, stop);
         for (place, trajectory) in estimate.trajectories.iter().enumerate() {
             let known = self.budgets.iter().position(|(own, _)| *own == place);
             let known = known.or_else(|| {
@@ -98,6 +102,26 @@ impl SegmentJudge {
             {
                 let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
                 self.budgets[known].1.take(trajectory, scored, stop);
+            }
+        }
+    }
+
+    /// Takes what smoothers say, each of which comes after its filter.
+    fn take_smoothers(&mut self, estimate: &SegmentEstimate, stop: &Interruption) {
+        let scored = |of: &Trajectory| of.scored_after(estimate.start_s, estimate.skip_s);
+        let mut filter = None;
+        for (place, trajectory) in estimate.trajectories.iter().enumerate() {
+            match (trajectory.kind, filter) {
+                (TrajectoryKind::Filtered, _) => filter = Some(trajectory),
+                (TrajectoryKind::Smoothed, Some(filter)) if trajectory.claims() && filter.claims() => {
+                    if self.smoothers.last().is_none_or(|(last, _)| *last < place) {
+                        self.smoothers.push((place, SmoothingRecord::default()));
+                    }
+                    if let Some((_, record)) = self.smoothers.iter_mut().find(|(own, _)| *own == place) {
+                        record.take((filter, scored(filter)), (trajectory, scored(trajectory)), stop);
+                    }
+                }
+                _ => {}
             }
         }
     }
@@ -125,7 +149,10 @@ impl SegmentJudge {
             if is_of_its_own(trajectory) {
                 last = filters.next();
             }
-            let found = last.filter(|_| trajectory.claims()).cloned().unwrap_or_default();
+            let mut found = last.filter(|_| trajectory.claims()).cloned().unwrap_or_default();
+            if let Some((_, record)) = self.smoothers.iter().find(|(own, _)| *own == place) {
+                found.tests.extend(record.test());
+            }
             let budgets = self.budgets.iter().find(|(own, _)| *own == place);
             Judgement { budgets: budgets.map(|(_, record)| record.budgets()).unwrap_or_default(), ..found }
         });
@@ -160,13 +187,11 @@ impl FilterJudge {
 
     fn take(&mut self, trajectory: &Trajectory, estimate: &SegmentEstimate, stop: &Interruption) {
         let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
-        let [time_s, innovation, sd] =
-            [&trajectory.time_s, &trajectory.innovation, &trajectory.innovation_sd]
-                .map(|all| &all[scored.clone()]);
-        self.innovations.take([time_s, innovation, sd], &trajectory.lock, stop);
-        for ((_, judged), signal) in self.further.iter_mut().zip(&trajectory.further) {
-            let own = [time_s, &signal.innovation[scored.clone()], &signal.sd[scored.clone()]];
-            judged.take(own, &trajectory.lock, stop);
+        let time_s = &trajectory.time_s[scored.clone()];
+        let further = self.further.iter_mut().map(|(_, judged)| judged);
+        for (signal, judged) in std::iter::once(&mut self.innovations).chain(further).enumerate() {
+            let [innovation, sd] = trajectory.before_the_gate(signal);
+            judged.take([time_s, &innovation[scored.clone()], &sd[scored.clone()]], &trajectory.lock, stop);
         }
         self.rejections.take(trajectory, estimate);
         for (record, prior) in self.parameters.iter_mut().zip(&trajectory.parameters) {

@@ -18,6 +18,7 @@ mod pool;
 mod reference;
 mod reference_parts;
 mod rejections;
+mod smoothed;
 mod step_errors;
 mod value;
 

@@ -32,6 +32,16 @@ pub(super) fn entry(bench: &TrialBench, suspect: &Suspect, size: f64) -> Option<
     Some(format!("{} = {}", parameter.name, Value::Table(table)))
 }
 
+/// Whether the filter has a number as a state already: what its innovations ask of the number is in that state.
+pub(super) fn is_state(bench: &TrialBench, suspect: &Suspect) -> bool {
+    let Ok(rig) = bench.workbench.rig(&bench.experiment) else { return false };
+    let states = Key::from("estimate").child("filter").index(0).child("states");
+    rig.parameters(&bench.experiment).iter().any(|parameter| {
+        crate::config::get(&bench.document, &states.clone().child(parameter.name)).is_some()
+            && stands_for(parameter, suspect)
+    })
+}
+
 /// Whether a parameter is the same number, or the common factor of the same numbers.
 fn stands_for(parameter: &DeviceParameter, suspect: &Suspect) -> bool {
     let [(pattern, 1)] = parameter.written else { return false };

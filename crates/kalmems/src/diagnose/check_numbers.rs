@@ -1,11 +1,13 @@
 //! A check of what filters are told by the beginning of their recordings.
 
+use super::as_state::is_state;
 use super::bench::{TestedRows, TrialBench, is_judged};
 use super::input_fault::{InputFault, input_fault};
 use super::number_test::{has_slope, number_test, uncertain_directions};
 use super::sensitivity::NumberSensitivity;
 use super::suspect::Suspect;
 use super::trial::DiagnosisTrial;
+use super::unseen::unseen;
 use super::unused::UsedNames;
 use super::{DiagnoseError, ScaleNote, begin, invisible_parameters};
 use crate::config::Experiment;
@@ -23,6 +25,8 @@ pub struct NumberCheck {
     /// What the signal does not determine of the first filter's device, and by how much that changes its answer; nothing where the innovations say
     /// that something is wrong, as it is a question about a model that is right.
     pub notes: Vec<ScaleNote>,
+    /// What no test of the innovations can see, by the equations of the device.
+    pub unseen: Vec<String>,
     /// For each filter, by its name, whether its innovations ask for another number; without those in which another test finds something, and
     /// without those that estimate the same parameters as one before for which nothing was found.
     pub tests: Vec<(String, TestResult)>,
@@ -38,7 +42,7 @@ pub fn check_numbers(
     filters: &[String],
     progress: &dyn Progress,
 ) -> Result<NumberCheck, DiagnoseError> {
-    check((experiment, filters), progress, &|name| {
+    check((workbench, experiment, filters), progress, &|name| {
         TrialBench::of(workbench, experiment, Some(name))?.with_files(ROWS, progress)
     })
 }
@@ -50,19 +54,20 @@ pub fn check_numbers_of(
     (recording, filters): (&SampledRecording, &[String]),
     progress: &dyn Progress,
 ) -> Result<NumberCheck, DiagnoseError> {
-    check((experiment, filters), progress, &|name| {
+    check((workbench, experiment, filters), progress, &|name| {
         TrialBench::of(workbench, experiment, Some(name))?.with_beginning(recording, ROWS)
     })
 }
 
 fn check<'a>(
-    (experiment, names): (&Experiment, &[String]),
+    (workbench, experiment, names): (&Workbench, &Experiment, &[String]),
     progress: &dyn Progress,
     bench: &dyn Fn(&str) -> Result<TrialBench<'a>, DiagnoseError>,
 ) -> Result<NumberCheck, DiagnoseError> {
     let wanted = experiment.estimate.iter().filter(|estimate| estimate.check_numbers);
     let filters = wanted.flat_map(|estimate| &estimate.filters);
-    let (mut found, mut sound) = (NumberCheck::default(), Vec::new());
+    let unseen = unseen(workbench, experiment);
+    let (mut found, mut sound) = (NumberCheck { unseen, ..NumberCheck::default() }, Vec::new());
     for (place, filter) in filters.filter(|filter| is_judged(filter.method)).enumerate() {
         let is_asked_for = names.iter().any(|name| *name == filter.name.as_str());
         let parameters = (&filter.states, &filter.readout);
@@ -80,7 +85,7 @@ fn check<'a>(
         }
         let numbers = take_numbers(&bench, &suspects, &mut base, progress)?;
         if place == 0 {
-            found.notes = invisible_parameters::notes(&numbers, &base);
+            found.notes = invisible_parameters::notes(&bench, &numbers, &base);
         }
         if base.passes() {
             sound.push(parameters);
@@ -100,7 +105,8 @@ pub(super) fn take_numbers<'s>(
     // What a filter does not use changes nothing.
     let used = UsedNames::of(&bench.document);
     let is_used = |suspect: &&Suspect| used.as_ref().is_none_or(|used| !used.leaves_out(suspect));
-    let with_slopes: Vec<&Suspect> = suspects.iter().filter(|one| has_slope(one)).filter(is_used).collect();
+    let is_free = |suspect: &&Suspect| has_slope(suspect) && !is_state(bench, suspect);
+    let with_slopes: Vec<&Suspect> = suspects.iter().filter(is_free).filter(is_used).collect();
     let progress = &bench.stop.watching(progress);
     let numbers =
         NumberSensitivity::all(bench, &with_slopes, base, progress).ok_or(DiagnoseError::Interrupted)?;

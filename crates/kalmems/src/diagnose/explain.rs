@@ -84,7 +84,7 @@ impl Explanations {
             });
             Ok(found.ok_or(DiagnoseError::Interrupted)?.into_iter().flatten().collect())
         };
-        let count = suspects.len();
+        let count = suspects.iter().filter(|suspect| !suspect.is_slip()).count();
         let promises =
             map_on_threads((progress, "looking at slopes"), processors(), (count, 1), |place, heard| {
                 heard.reached(0).is_continue().then(|| search.promise(&[], place, base))
@@ -99,7 +99,21 @@ impl Explanations {
             Job::ColouredNoise => search.coloured_noise().into_iter().collect(),
             Job::Outliers => search.outliers().into_iter().collect(),
         })?;
-        let alone = Self::of(&search, tried, count + 3);
+        let alone = Self::of(&search, tried.clone(), count + 3);
+        // Under a steady drive a line and a wrong number look the same.
+        let is_number = |found: &ExaminedCause| matches!(found.cause, Cause::Numbers(_));
+        if alone.causes.iter().any(is_number) {
+            return Ok(alone);
+        }
+        let slips = suspects.len() - count;
+        let slipped =
+            each("trying units and signs", slips, &|place| search.slip(count + place).into_iter().collect())?;
+        if !slipped.is_empty() {
+            let slipped = Self::of(&search, [tried, slipped].concat(), alone.tried + slips);
+            if !slipped.causes.is_empty() {
+                return Ok(slipped);
+            }
+        }
         if !alone.causes.is_empty() {
             return Ok(alone);
         }
@@ -110,7 +124,7 @@ impl Explanations {
             .collect();
         let tried = each("trying pairs", firsts.len(), &|place| search.pairs(&firsts[place]))?;
         // Which numbers are first was chosen by what they gain: any pair could have been.
-        let tries = alone.tried + count * count.saturating_sub(1) / 2;
+        let tries = alone.tried + slips + count * count.saturating_sub(1) / 2;
         let mut pairs = Self::of(&search, tried, tries);
         if pairs.causes.is_empty() {
             pairs.closest = alone.closest;

@@ -16,6 +16,7 @@
 //! # Ok::<(), diagnose::DiagnoseError>(())
 //! ```
 
+mod advice;
 mod answer;
 mod as_state;
 mod bench;
@@ -27,6 +28,7 @@ mod distinguish;
 mod document;
 mod error;
 mod explain;
+mod hidden_directions;
 mod identified_experiment;
 mod input_fault;
 mod invisible_parameters;
@@ -42,6 +44,7 @@ mod step_cost;
 mod stop;
 mod suspect;
 mod trial;
+mod unseen;
 mod unused;
 
 pub use answer::AnswerChange;
@@ -59,11 +62,14 @@ pub use noise::{FoundNoise, load_with_noise, noise_of_recording, with_noise};
 pub use paste::pasted;
 pub use report::{CauseReport, Diagnosis, DiagnosisFinding, Edit};
 pub use step_cost::step_cost;
+pub use unseen::unseen;
 
 use crate::config::Experiment;
+use crate::evaluate::StepErrors;
 use crate::progress::Progress;
 use crate::recording::SampledRecording;
 use crate::rigs::Workbench;
+use advice::withhold_what_is_worse;
 use bench::{TestedRows, TrialBench};
 use cause::Cause;
 use change::TrialChange;
@@ -122,17 +128,24 @@ fn of_bench(
     bench: &TrialBench,
     progress: &dyn Progress,
 ) -> Result<Diagnosis, DiagnoseError> {
-    let (mut base, suspects) = begin(bench)?;
+    let (mut base, mut suspects) = begin(bench)?;
     let mut notes = Vec::new();
-    if base.passes() {
+    // Before any number is blamed.
+    let steps = bench.step_errors(None).filter(StepErrors::is_large);
+    let is_astray = steps.is_some();
+    if base.passes() && !is_astray {
         let numbers = take_numbers(bench, &suspects, &mut base, progress)?;
         // What the signal does not determine is a question about a model that is right.
         if base.passes() {
-            notes = invisible_parameters::notes(&numbers, &base);
+            notes = invisible_parameters::notes(bench, &numbers, &base);
         }
     }
-    let explained =
-        if base.passes() { None } else { Some(Explanations::by(bench, &suspects, &base, progress)?) };
+    suspects.extend(Suspect::slips(&suspects, &bench.document));
+    let explained = if base.passes() || is_astray {
+        None
+    } else {
+        Some(Explanations::by(bench, &suspects, &base, progress)?)
+    };
     let rig = workbench.rig(&bench.experiment)?.name();
     let causes: Vec<Vec<TrialChange>> = (explained.iter().flat_map(|found| &found.causes))
         .filter_map(|found| found.cause.changes(&suspects))
@@ -147,5 +160,17 @@ fn of_bench(
     } else {
         None
     };
-    Ok(Diagnosis::of((experiment, rig), (bench, &suspects), &base, (explained, notes, proposal)))
+    let gains: Vec<f64> = (explained.iter().flat_map(|found| &found.causes))
+        .map(|found| found.trial.density() - base.density())
+        .collect();
+    let mut found =
+        Diagnosis::of((experiment, rig), (bench, &suspects), (&base, steps), (explained, notes, proposal));
+    if base.is_its_own() && !found.causes.is_empty() {
+        progress.begin("trying the advice on whole recordings", 0);
+        withhold_what_is_worse((workbench, experiment), &mut found, &gains, &bench.stop);
+        if progress.reached(0).is_break() {
+            return Err(DiagnoseError::Interrupted);
+        }
+    }
+    Ok(found)
 }

@@ -10,9 +10,10 @@ use super::explain::{ExaminedCause, Explanations};
 use super::invisible_parameters::ScaleNote;
 use super::suspect::{NumberRole, Suspect};
 use super::trial::DiagnosisTrial;
+use super::unseen::unseen;
 use crate::config::get;
 use crate::config::{Experiment, Key, KeyStep};
-use crate::evaluate::TestResult;
+use crate::evaluate::StepErrors;
 use kalmems_core::Portable;
 use serde::Serialize;
 
@@ -31,7 +32,8 @@ pub struct Diagnosis {
     pub duration_s: f64,
     /// What was found.
     pub finding: DiagnosisFinding,
-    /// What the tests find in the innovations as they are, that is not by chance.
+    /// What speaks against the answer as it is, that is not by chance: what the tests find in the innovations, and what makes it doubtful beside
+    /// them.
     pub tests: Vec<String>,
     /// How many causes were tried.
     pub tried: usize,
@@ -49,6 +51,9 @@ pub struct Diagnosis {
     pub closest: Vec<CauseReport>,
     /// What the signal does not determine, and what it does to the answer.
     pub notes: Vec<ScaleNote>,
+    /// What no test of the innovations can see, by the equations of the device.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unseen: Vec<String>,
 }
 
 /// What a diagnosis comes to.
@@ -61,6 +66,8 @@ pub enum DiagnosisFinding {
     Explained,
     /// They do not, whatever was tried.
     NoneOfThese,
+    /// The filter's own steps lead it astray, so that its innovations say nothing of the experiment's numbers.
+    Steps,
 }
 
 /// A cause.
@@ -88,6 +95,9 @@ pub struct CauseReport {
     /// What cannot be said in the experiment.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
+    /// Why nothing is to be changed in the experiment for it: with it the estimate of whole recordings is worse.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub withheld: Option<String>,
 }
 
 /// A key of the experiment with its new value.
@@ -109,11 +119,12 @@ impl Diagnosis {
     pub(super) fn of(
         (experiment, rig): (&Experiment, &'static str),
         (bench, suspects): (&TrialBench, &[Suspect]),
-        base: &DiagnosisTrial,
+        (base, steps): (&DiagnosisTrial, Option<StepErrors>),
         (explained, notes, proposal): (Option<Explanations>, Vec<ScaleNote>, Option<Proposal>),
     ) -> Self {
         let (rows, duration_s) = bench.extent();
         let finding = match &explained {
+            None if steps.is_some() => DiagnosisFinding::Steps,
             None => DiagnosisFinding::NothingToChange,
             Some(found) if found.causes.is_empty() => DiagnosisFinding::NoneOfThese,
             Some(_) => DiagnosisFinding::Explained,
@@ -121,6 +132,7 @@ impl Diagnosis {
         let reports =
             |all: &[ExaminedCause]| all.iter().map(|found| report((bench, suspects), found)).collect();
         let explained = explained.as_ref();
+        let findings = if base.is_its_own() { base.findings() } else { Vec::new() };
         Self {
             experiment: experiment.name.to_string(),
             rig,
@@ -128,13 +140,18 @@ impl Diagnosis {
             rows,
             duration_s,
             finding,
-            tests: base.failing().filter(|_| base.is_its_own()).map(TestResult::to_string).collect(),
+            tests: steps.map(|steps| steps.to_string()).into_iter().chain(findings).collect(),
             tried: explained.map_or(0, |found| found.tried),
             needed: explained.map_or(0.0, |found| found.needed),
             causes: explained.map_or_else(Vec::new, |found| reports(&found.causes)),
             answers_differ: explained.and_then(|found| answers_differ(&found.causes)),
             proposal,
             closest: explained.map_or_else(Vec::new, |found| reports(&found.closest)),
+            unseen: if finding == DiagnosisFinding::NothingToChange {
+                unseen(bench.workbench, experiment)
+            } else {
+                Vec::new()
+            },
             notes,
         }
     }
@@ -154,9 +171,11 @@ fn answers_differ(causes: &[ExaminedCause]) -> Option<f64> {
 const AS_ONE: f64 = 0.3;
 
 impl Diagnosis {
-    /// Whether several causes explain the recording and give different answers, so that writing one of them is a guess.
+    /// Whether several causes explain the recording and give different answers, so that writing one of them is a guess; those do not count with which
+    /// whole recordings are worse.
     pub fn is_ambiguous(&self) -> bool {
-        self.causes.len() > 1 && !self.answers_differ.is_some_and(|apart| apart <= AS_ONE)
+        self.causes.iter().filter(|cause| cause.withheld.is_none()).count() > 1
+            && !self.answers_differ.is_some_and(|apart| apart <= AS_ONE)
     }
 }
 
@@ -186,6 +205,7 @@ fn report((bench, suspects): (&TrialBench, &[Suspect]), found: &ExaminedCause) -
         } else {
             Some(end_of_search(&found.cause, suspects))
         },
+        withheld: None,
     }
 }
 
@@ -319,7 +339,11 @@ fn in_file(key: &Key, filter: usize) -> Key {
 /// The relative standard error of a number by the size of its suspect.
 fn sd_of(cause: &Cause, key: &Key, (suspects, sd): (&[Suspect], &[f64])) -> Option<f64> {
     let Cause::Numbers(numbers) = cause else { return None };
-    let place = numbers.iter().position(|(place, _)| match suspects.get(*place).map(|s| &s.what) {
+    let of = |place: usize| match suspects.get(place).map(|suspect| &suspect.what) {
+        Some(NumberRole::Slip { of, .. }) => Some(&**of),
+        what => what,
+    };
+    let place = numbers.iter().position(|(place, _)| match of(*place) {
         Some(NumberRole::Factor(numbers)) => numbers.iter().any(|number| number.key == *key),
         Some(NumberRole::Literal { key: own, .. }) => own == key,
         _ => false,
@@ -403,6 +427,7 @@ mod tests {
             edits: Vec::new(),
             states: Vec::new(),
             remedy: None,
+            withheld: None,
         };
         Diagnosis {
             experiment: String::new(),
@@ -419,6 +444,7 @@ mod tests {
             proposal: None,
             closest: Vec::new(),
             notes: Vec::new(),
+            unseen: Vec::new(),
         }
     }
 

@@ -89,6 +89,16 @@ impl CauseSearch<'_> {
         self.beside(&[], place, self.base)
     }
 
+    /// A mistaken unit or sign, where the filter follows the motion with it and is likelier.
+    pub(super) fn slip(&self, place: usize) -> Option<FittedCause> {
+        let cause = Cause::Numbers(vec![(place, 0.0)]);
+        let trial = self.bench.run_while(&cause.changes(self.suspects)?, &DiagnosisTrial::follows)?;
+        let trial = self.comparable(&cause, trial)?;
+        let gained =
+            trial.log_likelihood(TrialBlocks::Fitted) - self.base.log_likelihood(TrialBlocks::Fitted);
+        (gained > LEAST_PROMISE).then(|| self.refined(&cause, Some(&trial)))?
+    }
+
     /// A number beside others, with all their sizes fitted: from the size, among those that are tried first, that makes the fitted blocks the
     /// likeliest, or from none. `alone` is the run with the others alone.
     fn beside(&self, others: &[(usize, f64)], place: usize, alone: &DiagnosisTrial) -> Option<FittedCause> {
@@ -128,7 +138,7 @@ impl CauseSearch<'_> {
         let Some(&(place, size)) = numbers.first() else { return Vec::new() };
         let Some(alone) = self.run_unjudged(&first.cause) else { return Vec::new() };
         let mut seconds: Vec<(f64, usize)> = (0..self.suspects.len())
-            .filter(|second| *second != place)
+            .filter(|second| *second != place && !self.suspects[*second].is_slip())
             .filter_map(|second| Some((self.promise(&[(place, size)], second, &alone)?, second)))
             .collect();
         seconds.sort_by(|a, b| b.0.total_cmp(&a.0));

@@ -35,6 +35,8 @@ pub(super) enum NumberRole {
     InputEarly { meaning: String },
     /// What the signal's column shows without motion is wrong, by the size in standard deviations of its noise.
     Offset { meaning: String, sd: f64 },
+    /// Numbers or the column of an input are wrong by this factor, as of a unit that was mistaken, and by e to the size.
+    Slip { of: Box<NumberRole>, factor: f64, words: &'static str },
 }
 
 /// A number in an experiment.
@@ -66,6 +68,23 @@ const FACTORS: [f64; 6] = [1e-4, 1e-3, 5e-3, 2e-2, 8e-2, 0.3];
 
 /// Those of a noise, which is seldom known well.
 const NOISE_FACTORS: [f64; 4] = [0.1, 0.7, 2.3, 4.6];
+
+/// Factors of mistaken units and signs, and what they are of.
+const SLIPS: [(f64, &str); 13] = [
+    (-1.0, "with the opposite sign"),
+    (1e-3, "with a prefix of its unit mistaken"),
+    (1e3, "with a prefix of its unit mistaken"),
+    (1e-6, "with a prefix of its unit mistaken"),
+    (1e6, "with a prefix of its unit mistaken"),
+    (0.1, "with a power of ten mistaken"),
+    (10.0, "with a power of ten mistaken"),
+    (std::f64::consts::TAU, "in cycles for radians"),
+    (1.0 / std::f64::consts::TAU, "in radians for cycles"),
+    (std::f64::consts::TAU * std::f64::consts::TAU, "in squared cycles for radians"),
+    (180.0 / std::f64::consts::PI, "in radians for degrees"),
+    (std::f64::consts::PI / 180.0, "in degrees for radians"),
+    (9.806_65, "in units of standard gravity"),
+];
 
 /// Samples by which a drive may be early or late.
 const SAMPLES: [f64; 5] = [0.1, 0.5, 2.0, 8.0, 32.0];
@@ -116,15 +135,33 @@ impl Suspect {
         suspects
     }
 
+    /// Mistaken units and signs of these, but for noises, whose sizes go as far.
+    pub(super) fn slips(all: &[Self], document: &Table) -> Vec<Self> {
+        let may = |suspect: &&Self| suspect.is_factor() && !suspect.is_noise_in(document);
+        let of = |suspect: &Self| {
+            let what = suspect.what.clone();
+            SLIPS.map(|(factor, words)| {
+                let what = NumberRole::Slip { of: Box::new(what.clone()), factor, words };
+                Self { what, sizes: sides(&FACTORS, true) }
+            })
+        };
+        all.iter().filter(may).flat_map(of).collect()
+    }
+
     /// What a size changes; `None` of one that there cannot be.
     pub(super) fn changes(&self, size: f64) -> Option<Vec<TrialChange>> {
         let channel = |meaning: &str, how| vec![TrialChange::Channel { meaning: meaning.to_owned(), how }];
-        Some(match &self.what {
-            _ if size == 0.0 => Vec::new(),
+        let times = |what: &NumberRole, factor: f64| match what {
             NumberRole::Factor(numbers) => {
-                let factor = Scalar::exp(size);
                 numbers.iter().map(|n| TrialChange::Key(n.key.clone(), n.times(factor))).collect()
             }
+            NumberRole::InputScale { meaning } => channel(meaning, ChannelAlteration::Scaled(factor)),
+            _ => Vec::new(),
+        };
+        Some(match &self.what {
+            NumberRole::Slip { of, factor, .. } => times(of, factor * Scalar::exp(size)),
+            _ if size == 0.0 => Vec::new(),
+            NumberRole::Factor(_) | NumberRole::InputScale { .. } => times(&self.what, Scalar::exp(size)),
             NumberRole::Noise { key, variance, unit } => {
                 let written = square(variance * Scalar::exp(size), unit);
                 vec![TrialChange::Key(key.clone(), Value::String(written))]
@@ -143,9 +180,6 @@ impl Suspect {
                     changes.push(TrialChange::Key(filter, Value::Boolean(true)));
                 }
                 changes
-            }
-            NumberRole::InputScale { meaning } => {
-                channel(meaning, ChannelAlteration::Scaled(Scalar::exp(size)))
             }
             NumberRole::InputEarly { meaning } => channel(meaning, ChannelAlteration::Later(size)),
             NumberRole::Offset { meaning, sd } => channel(meaning, ChannelAlteration::Raised(size * sd)),
@@ -175,6 +209,11 @@ impl Suspect {
         self.is_noise() || matches!(&self.what, NumberRole::Factor(numbers) if by_place(numbers))
     }
 
+    /// Whether it is a mistaken unit or sign.
+    pub(super) const fn is_slip(&self) -> bool {
+        matches!(self.what, NumberRole::Slip { .. })
+    }
+
     /// A first step: half of the smallest size that is tried.
     pub(super) fn step(&self) -> f64 {
         0.5 * self.sizes.iter().fold(f64::INFINITY, |least, size| least.min(size.abs()))
@@ -183,6 +222,7 @@ impl Suspect {
     /// A size in words, with its unit.
     pub(super) fn size_in_words(&self, size: f64) -> String {
         match &self.what {
+            NumberRole::Slip { factor, .. } => format!("times {}", significant(factor * Scalar::exp(size))),
             NumberRole::Factor(_)
             | NumberRole::Noise { .. }
             | NumberRole::Literal { .. }
@@ -199,7 +239,12 @@ impl Suspect {
 
     /// What it is called: keys as the experiment has them, below the device's table.
     pub(super) fn name(&self) -> String {
-        match &self.what {
+        Self::name_of(&self.what)
+    }
+
+    fn name_of(what: &NumberRole) -> String {
+        match what {
+            NumberRole::Slip { of, words, .. } => format!("{}, {words}", Self::name_of(of)),
             NumberRole::Factor(numbers) => match numbers.as_slice() {
                 [one] => below_device(&one.key),
                 all => format!("{} of all {}", all[0].key.last(), all.len()),

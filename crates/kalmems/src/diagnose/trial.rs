@@ -6,6 +6,7 @@ use crate::estimate::{SegmentEstimate, Trajectory};
 use crate::evaluate::{InnovationTest, SegmentJudge, TestResult};
 use crate::fit::Innovations;
 use crate::progress::Interruption;
+use crate::results::doubts;
 use crate::rigs::Rig;
 use crate::signal::Sine;
 
@@ -77,8 +78,10 @@ pub(super) struct DiagnosisTrial {
     begins_s: f64,
     /// Whether it stands in for the experiment as it is, with which the filter cannot be run.
     stands_in: bool,
-    /// Whether a parameter that is a state speaks against it.
-    has_fault: bool,
+    /// What makes the answer doubtful beside the tests.
+    doubts: Vec<String>,
+    /// Σ ln p of all samples after the settling time by what the filter takes each for: densities, by which filters of any law are compared.
+    density: f64,
     updates: usize,
 }
 
@@ -141,6 +144,8 @@ impl DiagnosisTrial {
             });
             self.start = of_motion.collect();
         }
+        let consistency = trajectory.consistency(scored.clone());
+        self.density += consistency.as_ref().map_or(0.0, |found| found.log_likelihood);
         self.take_answer((rig, experiment), trajectory, scored);
         self.at_end = (trajectory.parameters.iter())
             .filter_map(|prior| Some((prior.name, *trajectory.state(prior.name)?.mean.last()?)))
@@ -154,7 +159,8 @@ impl DiagnosisTrial {
         let mut judge = SegmentJudge::default();
         judge.take(estimate, &Interruption::never());
         let judgement = judge.of(&trajectory.key).unwrap_or_default();
-        self.has_fault |= judgement.parameters.iter().any(|parameter| parameter.fault.is_some());
+        let doubts = doubts(&judgement.parameters, &judgement.rejections, consistency.as_ref());
+        self.doubts.extend(doubts.map(|(text, _)| text));
         self.tests.extend(judgement.tests);
         Some(())
     }
@@ -240,6 +246,16 @@ impl DiagnosisTrial {
         self.tests.iter().filter(|found| found.fails())
     }
 
+    /// What speaks against the answer, in whole sentences: the tests that fail, and what makes it doubtful beside them.
+    pub(super) fn findings(&self) -> Vec<String> {
+        self.failing().map(TestResult::to_string).chain(self.doubts.iter().cloned()).collect()
+    }
+
+    /// Σ ln p of all samples by what the filter takes each for.
+    pub(super) const fn density(&self) -> f64 {
+        self.density
+    }
+
     /// The run in the place of that of the experiment as it is, with which the filter cannot be run: nothing follows from its answer or
     /// its slopes.
     pub(super) fn standing_in(self) -> Self {
@@ -274,6 +290,6 @@ impl DiagnosisTrial {
 
     /// Whether the filter's answer would pass.
     pub(super) fn passes(&self) -> bool {
-        self.follows() && !self.has_fault && self.failing().next().is_none()
+        self.follows() && self.doubts.is_empty() && self.failing().next().is_none()
     }
 }

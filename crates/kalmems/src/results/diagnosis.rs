@@ -26,9 +26,16 @@ impl Diagnosis {
             }
             DiagnosisFinding::Explained => self.explained(),
             DiagnosisFinding::NoneOfThese => self.unexplained(),
+            DiagnosisFinding::Steps => format!(
+                "the filter's own steps lead it astray, so that its innovations say nothing of the numbers of the experiment: {}. Diagnose it again with that.\n",
+                self.tests.join("; ")
+            ),
         };
         for note in &self.notes {
             text += &format!("\nnote: {note}\n");
+        }
+        for unseen in &self.unseen {
+            text += &format!("\nnote: {unseen}\n");
         }
         text
     }
@@ -113,8 +120,8 @@ impl CauseReport {
         if let Some(states) = self.as_states() {
             let _ = write!(text, "\n     or, where it is not known well or changes, {states}");
         }
-        if let Some(remedy) = &self.remedy {
-            let _ = write!(text, "\n     {remedy}");
+        for said in [&self.remedy, &self.withheld].into_iter().flatten() {
+            let _ = write!(text, "\n     {said}");
         }
         text
     }
@@ -173,16 +180,19 @@ const MISSES: f64 = 1.5;
 
 impl std::fmt::Display for ScaleNote {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { parameter, hidden, by, change, answer, unit } = self;
+        let Self { parameter, with, hidden, by, change, answer, unit } = self;
         let (unit_of_answer, factor) = people_read(unit);
+        let others = with.iter().map(|(name, times)| format!("`{name}` ({times:+.3} times as much)"));
+        let others = others.collect::<Vec<_>>().join(", ");
+        let with = if with.is_empty() { String::new() } else { format!(", together with {others}") };
         if *hidden < 1.0 {
             write!(
                 f,
-                "`{parameter}` can be wrong by {} % before the innovations show it; ",
+                "`{parameter}`{with} can be wrong by {} % before the innovations show it; ",
                 significant(100.0 * hidden)
             )?;
         } else {
-            write!(f, "the signal does not determine `{parameter}`; ")?;
+            write!(f, "the signal does not determine `{parameter}`{with}; ")?;
         }
         write!(
             f,
@@ -260,6 +270,13 @@ fn page(found: &Diagnosis) -> Page {
                 link("overconfident")
             ),
         ),
+        DiagnosisFinding::Steps => (
+            NoticeSeverity::Warning,
+            format!(
+                "The filter's own steps lead it astray, and nothing follows for the numbers of the experiment: {}.",
+                found.tests.join("; ")
+            ),
+        ),
     };
     let verdict = PageSection::new("Verdict").part(PagePart::Verdict).notice(severity, text);
     let (causes, title) = if found.causes.is_empty() {
@@ -280,7 +297,12 @@ fn page(found: &Diagnosis) -> Page {
             format!("`{key} = {to}` ({was})")
         });
         let states = cause.as_states().map(|states| format!("or {states}"));
-        let write = edits.chain(states).chain(cause.remedy.clone()).collect::<Vec<_>>().join("; ");
+        let write = edits
+            .chain(states)
+            .chain(cause.remedy.clone())
+            .chain(cause.withheld.clone())
+            .collect::<Vec<_>>()
+            .join("; ");
         let answer = cause.answer.as_ref().map(|answer| effect(answer, cause.answer_name, cause.answer_unit));
         table.push([cause.name.clone(), format!("{:.0}", cause.gain), write, answer.unwrap_or_default()]);
     }

@@ -34,6 +34,9 @@ pub struct Metrics {
     /// What the signal does not determine of the device, and what that does to the answer; of the first filter that it could tell it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub scale_notes: Vec<ScaleNote>,
+    /// What no test of the innovations can see, by the equations of the device, in whole sentences.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unseen: Vec<String>,
     /// A fault of the channels that explains why the first filter loses the signal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub input_fault: Option<InputFault>,
@@ -402,6 +405,7 @@ impl Metrics {
             values: outcome.recordings.first().map_or(&[], |recording| recording.values),
             held_as_exact: outcome.experiment.held_as_exact(),
             scale_notes: Vec::new(),
+            unseen: Vec::new(),
             input_fault: None,
             noise_from_recording: Vec::new(),
             recordings: recordings.collect(),
@@ -417,6 +421,7 @@ impl Metrics {
     #[must_use]
     pub fn with_numbers(mut self, numbers: NumberCheck) -> Self {
         self.scale_notes = numbers.notes;
+        self.unseen = numbers.unseen;
         self.input_fault = numbers.input_fault;
         if let Some(segment) = self.recordings.iter_mut().flat_map(|r| &mut r.segments).next() {
             for (filter, test) in numbers.tests {

@@ -40,3 +40,4 @@ pub use summary::{
 #[cfg(feature = "parquet-results")]
 pub(crate) use trajectories::TrajectoryFile;
 pub use verdict::Verdict;
+pub(crate) use verdict::doubts;

@@ -80,6 +80,7 @@ impl PooledMetrics {
             values: rig.values(experiment),
             held_as_exact: experiment.held_as_exact(),
             scale_notes: Vec::new(),
+            unseen: Vec::new(),
             input_fault: None,
             noise_from_recording: noise,
             recordings: self.recordings,

@@ -710,11 +710,7 @@ fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<Notice> {
         size: claim.mean_square.sqrt(),
         ..because(of_the_claim(name, &claim))
     }));
-    why.extend(estimator.parameters.iter().filter_map(|parameter| {
-        let ParameterAnswer { name, end, end_sd, fault, .. } = parameter;
-        let text = format!("`{name}`, {end:.2e} ± {end_sd:.1e} at the end, {}", (*fault)?);
-        Some(because(text).explained_by("uncertainty"))
-    }));
+    why.extend(estimator.doubts().map(|(text, topic)| because(text).explained_by(topic)));
     why.extend(estimator.of_the_device().filter_map(|number| {
         let off = number.contradicted()?;
         let text = format!(
@@ -726,8 +722,6 @@ fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<Notice> {
         );
         Some(because(text).explained_by("uncertainty"))
     }));
-    let faults = estimator.rejections.faults();
-    why.extend(faults.map(|fault| because(fault.to_string()).explained_by("outliers")));
     why.extend(of_the_innovations(estimator).map(|(text, brief)| Notice { brief, ..because(text) }));
     if why.is_empty() && !goes_the_other_way {
         let found = estimator.consistency.as_ref();
@@ -789,11 +783,6 @@ fn of_the_mean_nis(estimator: &EstimatorMetrics, consistency: &NisConsistency) -
         }
         (_, Verdict::Consistent) => format!(
             "the innovations of the accepted samples agree with the model, with a mean NIS of {mean_nis:.3}"
-        ),
-        _ if let Some(times) = estimator.innovations_smaller_by() => format!(
-            "the mean NIS of {mean_nis:.3}: the filter claims innovations that are {times:.1} times as large as they are, so that it averages \
-             over more samples than it should; the stated noise or process noise is too large, and `from_recording` in the place of the \
-             noise finds it"
         ),
         (_, Verdict::Cautious) => format!(
             "the mean NIS of {mean_nis:.3} lies below {lower:.3}, so that the filter claims larger errors than it makes"

@@ -2,7 +2,9 @@
 
 use super::metrics::EstimatorMetrics;
 use crate::estimate::{Lock, LockEvent, NisConsistency, TrajectoryKind, is_the_only_one};
-use crate::evaluate::{Claim, DeviceUncertainty, Grade, InnovationTest, MotionErrors, TestResult};
+use crate::evaluate::{
+    Claim, DeviceUncertainty, Grade, InnovationTest, MotionErrors, ParameterAnswer, Rejections, TestResult,
+};
 use serde::{Deserialize, Serialize};
 
 /// What a filter's mean NIS, its lock and the sign of its answer say.
@@ -77,9 +79,38 @@ impl Verdict {
 /// The mean NIS from which on a claim is not doubtful but wrong: errors of the prediction that are 1.4 times as large as claimed.
 const WRONG_NIS: f64 = 2.0;
 
+/// How many times as large as claimed the mean square of a smoother's changes is from which on its answer is wrong: twice, root mean square, as of
+/// errors against a reference.
+const WRONG_CHANGES: f64 = 4.0;
+
 /// The mean NIS up to which a claim is not careful but wrong: errors of the prediction that are less than a third as large as claimed. A filter that
 /// is told so much noise averages over more samples than it should, and follows a change too late.
 const UNUSUALLY_CAREFUL_NIS: f64 = 0.1;
+
+/// What makes an answer doubtful beside the tests of its innovations, without a reference: in whole sentences, with the topic that explains each.
+/// `estimate` grades by it, and `diagnose` asks by it whether there is something to explain.
+pub(crate) fn doubts<'a>(
+    parameters: &'a [ParameterAnswer],
+    rejections: &'a Rejections,
+    consistency: Option<&NisConsistency>,
+) -> impl Iterator<Item = (String, &'static str)> + 'a {
+    let of_parameters = parameters.iter().filter_map(|parameter| {
+        let ParameterAnswer { name, end, end_sd, fault, .. } = parameter;
+        Some((format!("`{name}`, {end:.2e} ± {end_sd:.1e} at the end, {}", (*fault)?), "uncertainty"))
+    });
+    let of_size = consistency.filter(|found| found.mean_nis < found.lower.min(UNUSUALLY_CAREFUL_NIS));
+    let of_size = of_size.map(|found| {
+        let text = format!(
+            "the mean NIS of {:.3}: the filter claims innovations that are {:.1} times as large as they are, so that it averages over more samples \
+             than it should; the stated noise or process noise is too large, and `from_recording` in the place of the noise finds it",
+            found.mean_nis,
+            found.mean_nis.sqrt().recip()
+        );
+        (text, "overconfident")
+    });
+    let of_gate = rejections.faults().map(|fault| (fault.to_string(), "outliers"));
+    of_parameters.chain(of_gate).chain(of_size)
+}
 
 impl EstimatorMetrics {
     /// How far its answer can be trusted; `None` of what makes no claim.
@@ -90,16 +121,17 @@ impl EstimatorMetrics {
             Verdict::NoClaim | Verdict::Astray => return None,
             Verdict::Consistent | Verdict::Cautious | Verdict::Overconfident => {}
         }
-        let is_wrong = |found: &TestResult| found.test == InnovationTest::MeanNis && found.size > WRONG_NIS;
-        let has_fault = self.parameters.iter().any(|parameter| parameter.fault.is_some())
-            || self.of_the_device().any(|number| number.contradicted().is_some());
+        let is_wrong = |found: &TestResult| {
+            let by_size = matches!(found.test, InnovationTest::MeanNis | InnovationTest::Smoothing);
+            by_size
+                && found.size > if found.test == InnovationTest::MeanNis { WRONG_NIS } else { WRONG_CHANGES }
+        };
         Some(if self.broken_claims().next().is_some() || self.failing().any(is_wrong) {
             Grade::Failed
         } else if self.failing().next().is_some()
             || self.contradicted_claims().any(|(_, claim)| claim.is_doubtful())
-            || has_fault
-            || self.rejections.faults().next().is_some()
-            || self.innovations_smaller_by().is_some()
+            || self.of_the_device().any(|number| number.contradicted().is_some())
+            || self.doubts().next().is_some()
             || self.step_errors.is_some_and(|steps| steps.is_large())
         {
             Grade::Doubtful
@@ -115,11 +147,9 @@ impl EstimatorMetrics {
         })
     }
 
-    /// How many times as large as they are the filter claims its innovations to be, where that is so many times that the stated noise is wrong.
-    pub(super) fn innovations_smaller_by(&self) -> Option<f64> {
-        let mean_nis = self.consistency.as_ref()?.mean_nis;
-        (self.verdict == Verdict::Cautious && mean_nis < UNUSUALLY_CAREFUL_NIS)
-            .then(|| mean_nis.sqrt().recip())
+    /// What makes it doubtful beside the tests of its innovations, without a reference; with the topic that explains it.
+    pub(super) fn doubts(&self) -> impl Iterator<Item = (String, &'static str)> {
+        doubts(&self.parameters, &self.rejections, self.consistency.as_ref())
     }
 
     /// What a reference shows to be wrong, by the name of the state.

@@ -6,6 +6,7 @@ mod devices;
 mod diagnose;
 mod impairments;
 mod input_faults;
+mod judgement;
 mod losses;
 mod motions;
 mod outliers;

@@ -15,6 +15,9 @@ pub struct InnovationMoments {
     largest: (f64, f64),
 }
 
+/// Standard deviations by which the mean NIS of a careful filter is below 1: of a right one it is so once in 700 times.
+const CAREFUL: f64 = 3.0;
+
 /// Fewer values say nothing of the shape of a distribution; the approximations below hold from here on.
 const FEWEST: f64 = 200.0;
 
@@ -86,10 +89,12 @@ impl InnovationMoments {
         ((-0.5 * statistic).portable_exp(), kurtosis - 3.0)
     }
 
-    /// Whether the filter claims larger innovations than it has. That is no fault, but its innovations are neither white nor of one
-    /// variance then, and are held against the claim alone.
+    /// Whether the filter claims larger innovations than it has, by more than chance. That is no fault, but its innovations are neither white nor
+    /// of one variance then, and are held against the claim alone.
     pub fn are_careful(&self) -> bool {
-        self.mean_square() < 1.0 - 0.5 * (2.0 / self.count).sqrt()
+        // Heavy tails make a mean square vary by more than normal numbers do.
+        let variance = self.variance_of_squares().max(2.0);
+        self.mean_square() < 1.0 - CAREFUL * (variance / self.count).sqrt()
     }
 
     /// Whether the largest innovation is one of a normal distribution of their measured size, or of the claimed one where that is

@@ -32,6 +32,8 @@ pub enum InnovationTest {
     MeanNis,
     /// They follow what another number of the device would change in the predictions.
     Numbers,
+    /// A smoother changes its filter's answer by more than the variance that it takes off it.
+    Smoothing,
 }
 
 /// Where a test found what it found.
@@ -88,6 +90,11 @@ pub enum TestPlace {
         /// By how much the innovations ask for another value, with its unit.
         by: String,
     },
+    /// Of a state.
+    State {
+        /// Its name.
+        name: &'static str,
+    },
 }
 
 /// What a test of innovations found.
@@ -134,6 +141,7 @@ impl TestResult {
             InnovationTest::Outlier => format!("an outlier{at}"),
             InnovationTest::Whiteness => "correlation".to_owned(),
             InnovationTest::Numbers => format!("another value{at}"),
+            InnovationTest::Smoothing => format!("changes by the smoother{at}"),
         };
         found + &of
     }
@@ -189,6 +197,11 @@ impl std::fmt::Display for TestResult {
                 f,
                 "the innovations ask for another value {at}, by {size:.1} standard deviations of what they tell of it"
             ),
+            InnovationTest::Smoothing => write!(
+                f,
+                "the smoother changes the filter's answer {at} by {:.2} times as much as the variance that it takes off allows",
+                size.sqrt()
+            ),
         }?;
         let chance = self.p_value.max(1e-300);
         let about = if self.p_value < 1e-300 { "below 1e-300".to_owned() } else { format!("{chance:.0e}") };
@@ -241,6 +254,10 @@ impl InnovationTest {
                 "numbers of the device",
                 "this number is wrong, or one that has the same effect on the signal",
             ],
+            Self::Smoothing => [
+                "what smoothing changes",
+                "the model is wrong over the memory of the filter, or the smoother's arithmetic fails, as without process noise",
+            ],
         }
     }
 }
@@ -249,6 +266,7 @@ impl std::fmt::Display for TestPlace {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Number { name, by } => write!(f, "of {name} ({by})"),
+            Self::State { name } => write!(f, "of {name}"),
             Self::Time { at_s } => write!(f, "at {}", quantity(*at_s, "s")),
             Self::Span { from_s, to_s } => {
                 write!(f, "from {} to {}", quantity(*from_s, "s"), quantity(*to_s, "s"))

@@ -62,7 +62,7 @@ fn shares(count: usize, sets: u64) -> BTreeMap<InnovationTest, [usize; 3]> {
 #[test]
 fn each_test_has_its_stated_rate_of_false_alarms_on_white_noise() {
     let sets = 1000;
-    for (count, named) in [(2000, 10), (200, 7)] {
+    for (count, named) in [(2000, 10), (200, 6)] {
         let below = shares(count, sets);
         assert_eq!(below.len(), named, "{below:?}");
         for (test, counts) in below {
@@ -74,8 +74,7 @@ fn each_test_has_its_stated_rate_of_false_alarms_on_white_noise() {
                     "{test:?} of {count}: {counts:?}"
                 );
             }
-            // Of so few there are no windows but those of a careful filter.
-            assert!(counts[2] >= 20 || count == 200, "{test:?} of {count} never finds anything: {counts:?}");
+            assert!(counts[2] >= 20, "{test:?} of {count} never finds anything: {counts:?}");
         }
     }
 }
@@ -248,4 +247,20 @@ fn slow_the_test_of_shape_fails_as_often_as_it_says() {
             );
         }
     }
+}
+
+/// Innovations with heavy tails, of the variance that is claimed: half of the filters that are right have a mean NIS below 1, and none of these may
+/// be taken for a careful one by chance, of which the shape is not tested.
+#[test]
+fn heavy_tails_are_found_whatever_side_of_1_the_mean_nis_is_on() {
+    let (mut below, mut found, sets) = (0, 0, 200_u64);
+    for seed in 0..sets {
+        // Of variance 1, and of kurtosis 3 + 6·0.45²: y = √0.45·z₁ + √0.55·z₂·|z₃|.
+        let [a, b, c] = [0, 1, 2].map(|stream| noise(2000, 10_000 + 3 * seed + stream));
+        let z: Vec<f64> =
+            (0..2000).map(|k| 0.45_f64.sqrt() * a[k] + 0.55_f64.sqrt() * b[k] * c[k].abs()).collect();
+        below += usize::from(z.iter().map(|z| z * z).sum::<f64>() < 2000.0);
+        found += u32::from(failing(&z).iter().any(|found| found.test == InnovationTest::Shape));
+    }
+    assert!((60..140).contains(&below) && found >= 197, "{found} of {sets}, {below} below 1");
 }

@@ -29,6 +29,9 @@ pub(super) const DETERMINED: f64 = 0.3;
 /// Below this standard error, relative to a number, its likelihood is Gaussian as far as an interval goes.
 const GAUSSIAN: f64 = 0.03;
 
+/// The part by which √(2·fall) of ln p may differ from what a standard error says at the end of an interval, to be trusted.
+const UNLIKE_GAUSSIAN: f64 = 0.25;
+
 /// What a sign has to gain in ln p to be another than the stated one.
 const OTHER_SIGN: f64 = 5.0;
 
@@ -55,7 +58,7 @@ impl LikelihoodSearch<'_> {
     }
 
     /// The run with these sizes.
-    pub(super) fn run(&self, suspects: &[Suspect], sizes: &[f64]) -> Option<DiagnosisTrial> {
+    pub(in crate::diagnose) fn run(&self, suspects: &[Suspect], sizes: &[f64]) -> Option<DiagnosisTrial> {
         self.search(suspects).run(&Cause::Numbers(sizes.iter().copied().enumerate().collect()))
     }
 
@@ -174,6 +177,25 @@ impl LikelihoodSearch<'_> {
         self.most_likely_from(suspects, &start).filter(|there| there.log_likelihood > found.log_likelihood)
     }
 
+    /// Where a search ended beside a maximum along numbers that the recordings do not determine: these held where it ended, with no standard error, and
+    /// the others at their maximum. Whether those depend on what is held is judged later.
+    pub(super) fn with_undetermined_held(
+        &self,
+        suspects: &[Suspect],
+        found: MostLikelySizes,
+    ) -> MostLikelySizes {
+        let free: Vec<bool> = found.sd.iter().map(|sd| *sd < DETERMINED).collect();
+        if !found.is_no_maximum() || !free.contains(&true) || !free.contains(&false) {
+            return found;
+        }
+        let held = self.refit_blocks(suspects, &found.at, &free, TrialBlocks::All);
+        let Some(mut held) = held.filter(|held| !held.is_no_maximum()) else { return found };
+        for (sd, _) in held.sd.iter_mut().zip(&free).filter(|(_, free)| !**free) {
+            *sd = f64::INFINITY;
+        }
+        held
+    }
+
     /// The same from these sizes.
     pub(in crate::diagnose) fn most_likely_from(
         &self,
@@ -276,8 +298,21 @@ impl LikelihoodSearch<'_> {
         place: usize,
     ) -> [f64; 2] {
         let sd = found.sd[place];
-        if sd < GAUSSIAN || !sd.is_finite() {
-            return [TWO_SIDED * sd; 2];
+        if !sd.is_finite() {
+            return [f64::INFINITY; 2];
+        }
+        if sd < GAUSSIAN {
+            let falls =
+                [-1.0, 1.0].map(|side: f64| self.fall_along(suspects, found, (place, side * TWO_SIDED * sd)));
+            // What is likelier so far away was no maximum.
+            if falls.iter().any(|fall| *fall < -OTHER_SIGN) {
+                return [f64::INFINITY; 2];
+            }
+            let agrees =
+                |fall: &f64| ((2.0 * fall).max(0.0).sqrt() / TWO_SIDED - 1.0).abs() < UNLIKE_GAUSSIAN;
+            if falls.iter().all(agrees) {
+                return [TWO_SIDED * sd; 2];
+            }
         }
         [-1.0, 1.0].map(|side: f64| {
             let fallen = &mut |distance: f64| {
@@ -288,14 +323,8 @@ impl LikelihoodSearch<'_> {
         })
     }
 
-    /// √(2·fall) of ln p with a size so far from its likeliest value and all others as likely as they can be; infinite where there is no
-    /// filter.
-    pub(in crate::diagnose) fn fallen(
-        &self,
-        suspects: &[Suspect],
-        found: &MostLikelySizes,
-        (place, by): (usize, f64),
-    ) -> f64 {
+    /// The sizes with one so far from its likeliest value, and the others where their correlations with it put them.
+    fn along(suspects: &[Suspect], found: &MostLikelySizes, (place, by): (usize, f64)) -> Vec<f64> {
         let along = |i: usize| {
             let slope = found.correlation[i][place] * found.sd[i] / found.sd[place];
             if i == place {
@@ -307,7 +336,24 @@ impl LikelihoodSearch<'_> {
                 0.0
             }
         };
-        let start: Vec<f64> = (0..suspects.len()).map(|i| found.at[i] + along(i)).collect();
+        (0..suspects.len()).map(|i| found.at[i] + along(i)).collect()
+    }
+
+    /// By how much ln p falls there: ½·(distance/sd)² where the standard error is that of the likelihood. Infinite where there is no filter.
+    fn fall_along(&self, suspects: &[Suspect], found: &MostLikelySizes, moved: (usize, f64)) -> f64 {
+        let there = self.log_likelihood(suspects, &Self::along(suspects, found, moved), TrialBlocks::All);
+        there.map_or(f64::INFINITY, |there| found.log_likelihood - there)
+    }
+
+    /// √(2·fall) of ln p with a size so far from its likeliest value and all others as likely as they can be; infinite where there is no
+    /// filter.
+    pub(in crate::diagnose) fn fallen(
+        &self,
+        suspects: &[Suspect],
+        found: &MostLikelySizes,
+        (place, by): (usize, f64),
+    ) -> f64 {
+        let start = Self::along(suspects, found, (place, by));
         let free: Vec<bool> = (0..suspects.len()).map(|i| i != place).collect();
         let there = self.refit_blocks(suspects, &start, &free, TrialBlocks::All);
         there.map_or(f64::INFINITY, |there| {

@@ -79,6 +79,7 @@ pub fn likeliest(
         return Err(stopped);
     }
     let (suspects, found) = found.ok_or_else(nowhere)?;
+    let found = sought.with_undetermined_held(&suspects, found);
     progress.begin("profiles of the likelihood", 0);
     let ends = sought.intervals(&suspects, &found);
     let judgement = NumberJudgement::of(&sought, &suspects, &found, &ends);

@@ -134,6 +134,8 @@ impl LikelihoodOutcome<'_> {
             let unit = unit.unwrap_or(units::Unit::ONE);
             let value = number.written * unit.factor() * Scalar::exp(*size);
             let mut interval = [-below, above].map(|by| value * Scalar::exp(by));
+            // The end of a search is no value.
+            let value = if sd.is_finite() { value } else { f64::NAN };
             interval.sort_by(f64::total_cmp);
             found.parameters.push(Identified {
                 name: suspect.name(),
@@ -150,11 +152,9 @@ impl LikelihoodOutcome<'_> {
                 continue;
             }
             let value = rounded(&number.times(Scalar::exp(*size)), Some(sd).filter(|sd| sd.is_finite()));
-            let is_noise = number
-                .key
-                .steps()
-                .iter()
-                .any(|step| matches!(step, KeyStep::Name(name) if name.starts_with("noise") || name == "process_noise"));
+            let of_process = |step: &KeyStep| matches!(step, KeyStep::Name(name) if name == "process_noise");
+            let is_noise =
+                suspect.is_noise_in(&self.sought.bench.document) || number.key.steps().iter().any(of_process);
             let is_exact = is_noise || is_accepted;
             let to = if is_exact { value } else { with_uncertainty(value, sd) }.to_string();
             if !is_exact {

@@ -1,11 +1,12 @@
 //! What the numbers that are sought trade with: the size and the bandwidth of an input that nobody recorded.
 
 use crate::config::Experiment;
-use crate::diagnose::suspect::{NumberRole, Suspect, equations_of, expressions_with};
+use crate::diagnose::suspect::{NumberRole, Suspect, equations_of};
+use crate::diagnose::unseen::{UnknownInput, is_entry, unknown_inputs};
 use crate::expand::expand;
 use crate::rigs::Workbench;
 use std::collections::BTreeSet;
-use toml::{Table, Value};
+use toml::Table;
 
 /// The numbers of an unknown input among all that may be wrong, without those that are sought already.
 ///
@@ -35,54 +36,11 @@ pub(super) fn traded(
 }
 
 /// The parameters that size and shape what noise alone drives, and the names of such states.
-///
-/// States that depend on one another and on no input, and are a part of the device that the rest follows.
 fn of_unknown_input(equations: &Table) -> BTreeSet<String> {
-    let table = |name: &str| equations.get(name).and_then(Value::as_table);
-    let names = |name: &str| -> Vec<String> {
-        table(name).map(|table| table.keys().cloned().collect()).unwrap_or_default()
-    };
-    let [states, inputs, lets, parameters] = ["states", "inputs", "let", "parameters"].map(names);
-    let (Some(derivatives), Some(noises)) = (table("derivative"), table("noise")) else {
-        return BTreeSet::new();
-    };
-    // All that an expression depends on, through what it is abbreviated by.
-    let depends = |value: &Value| -> Vec<String> {
-        let mut open = vec![value];
-        let mut found: Vec<String> = Vec::new();
-        while let Some(value) = open.pop() {
-            for name in states.iter().chain(&inputs).chain(&lets).chain(&parameters) {
-                if !found.contains(name) && expressions_with(value, name) {
-                    found.push(name.clone());
-                    open.extend(table("let").and_then(|table| table.get(name)));
-                }
-            }
-        }
-        found
-    };
     let mut of_input = BTreeSet::new();
-    for driven in states.iter().filter(|state| noises.contains_key(*state)) {
-        let mut closed = vec![driven.clone()];
-        let mut found: Vec<String> = Vec::new();
-        let mut place = 0;
-        while let Some(state) = closed.get(place).cloned() {
-            place += 1;
-            for value in [derivatives.get(&state), noises.get(&state)].into_iter().flatten() {
-                found.extend(depends(value));
-            }
-            let new: Vec<String> = found.iter().filter(|name| states.contains(name)).cloned().collect();
-            for name in new {
-                if !closed.contains(&name) {
-                    closed.push(name);
-                }
-            }
-        }
-        let has_input = found.iter().any(|name| inputs.contains(name));
-        if has_input || closed.len() == states.len() {
-            continue;
-        }
-        of_input.extend(found.into_iter().filter(|name| parameters.contains(name)));
-        of_input.extend(closed.into_iter().filter(|state| noises.contains_key(state)));
+    for UnknownInput { states, names } in unknown_inputs(equations) {
+        of_input.extend(names.into_iter().filter(|name| is_entry(equations, "parameters", name)));
+        of_input.extend(states.into_iter().filter(|state| is_entry(equations, "noise", state)));
     }
     of_input
 }

@@ -45,6 +45,8 @@ pub(super) struct FilterNoiseEvidence {
     base_guesses: Vec<f64>,
     guesses: Vec<f64>,
     pub(super) likeliest: MostLikelySizes,
+    /// Σ ln p of all samples there, as densities: filters of any law and gate are compared by it.
+    pub(super) density: f64,
     /// The logarithms of factors at which the interval of each ends; no lower end of a density that the recording does not show.
     ends: Vec<[f64; 2]>,
     rows: usize,
@@ -88,6 +90,7 @@ impl FilterNoiseEvidence {
             return Err(DiagnoseError::Interrupted);
         }
         let (Some(likeliest), Some(ends)) = (likeliest, ends) else { return Err(stops(&bench)) };
+        let density = search.run(&suspects, &likeliest.at).map_or(f64::NEG_INFINITY, |trial| trial.density());
         let (rows, long_s) = bench.extent();
         Ok(Self {
             innovations: base.innovations.value.len(),
@@ -95,6 +98,7 @@ impl FilterNoiseEvidence {
             base_guesses,
             guesses,
             likeliest,
+            density,
             ends,
             rows,
             base,

@@ -199,10 +199,8 @@ fn telling<'a>(
     let mut best: Option<&FilterNoiseEvidence> = None;
     for (filter, found) in evidence {
         let may = one.owner.map_or_else(|| tells_all(found), |owner| owner == *filter);
-        let is_better = best.is_none_or(|best| {
-            found.innovations == best.innovations
-                && found.likeliest.log_likelihood > best.likeliest.log_likelihood
-        });
+        let is_better =
+            best.is_none_or(|best| found.innovations == best.innovations && found.density > best.density);
         if may && is_better {
             best = Some(found);
         }

@@ -122,6 +122,9 @@ fn budget(metrics: &Metrics) -> PageSection {
     for note in &metrics.scale_notes {
         section = section.paragraph(format!("What the signal does not determine: {note}."));
     }
+    for unseen in &metrics.unseen {
+        section = section.paragraph(format!("What no test of the innovations sees: {unseen}."));
+    }
     section
 }
 
