@@ -4,6 +4,7 @@ use super::linear_model::LinearModel;
 use super::quantities::QuantityUnit;
 use crate::config::{CurvePiece, TemperatureCurve};
 use crate::fit::{Fit, FitError};
+use crate::units::name;
 
 /// Parameters of a curve at most.
 pub(super) const MOST: usize = 8;
@@ -93,22 +94,13 @@ impl CurveBasis {
 
 /// The unit of a coefficient of this power of the temperature.
 fn per_kelvin(of: QuantityUnit, power: usize) -> QuantityUnit {
-    let (units, shown) = match of.unit {
-        "rad/s" => (
-            ["rad/s", "rad/s/K", "rad/s/K^2", "rad/s/K^3", "rad/s/K^4"],
-            ["deg/h", "deg/h/K", "deg/h/K^2", "deg/h/K^3", "deg/h/K^4"],
-        ),
-        "m/s^2" => (
-            ["m/s^2", "m/s^2/K", "m/s^2/K^2", "m/s^2/K^3", "m/s^2/K^4"],
-            ["ugn", "ugn/K", "ugn/K^2", "ugn/K^3", "ugn/K^4"],
-        ),
-        _ => (["1", "1/K", "1/K^2", "1/K^3", "1/K^4"], ["ppm", "ppm/K", "ppm/K^2", "ppm/K^3", "ppm/K^4"]),
+    let per = match power {
+        0 => return of,
+        1 => "/K".to_owned(),
+        _ => format!("/K^{power}"),
     };
-    let factor = if of.unit == "1" { 1e6 } else { of.factor };
-    match (power, units.get(power), shown.get(power)) {
-        (1.., Some(unit), Some(shown)) => QuantityUnit::other(unit, factor, shown),
-        _ => of,
-    }
+    let (factor, shown) = if of.unit == "1" { (1e6, "ppm") } else { (of.factor, of.shown) };
+    QuantityUnit::other(name(&format!("{}{per}", of.unit)), factor, name(&format!("{shown}{per}")))
 }
 
 /// The value of pieces at a temperature; the first and the last one hold beyond the ends.

@@ -1,7 +1,7 @@
 //! Reading a file of the unit: its channels, divided at the gaps.
 
 use super::error::CalibrationError;
-use super::files::{InputFiles, columns, require_usable, require_within};
+use super::files::{InputFiles, require_usable, require_within};
 use super::still::{StillChannel, still_parts};
 use super::stretches::{RecordStretches, stretches};
 use super::tone::AXES;
@@ -9,7 +9,7 @@ use crate::calibration::file::InertialUnit;
 use crate::config::{Channels, Clock, ColumnChoice, FileColumns, FileFormat, Key, Segments};
 use crate::recording::{Finding, FindingKind, RecordingLayout, SampledRecording};
 use crate::units::{Kind, kind};
-use kalmems_figures::{Axis, Panel, Series, SeriesRole, pairs};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole, pairs};
 use std::ops::Range;
 use std::path::Path;
 
@@ -73,10 +73,6 @@ impl<'a> RecordOfUnit<'a> {
             };
             files.named.findings.retain(|(_, finding)| !is_set(finding));
         }
-        let used = [columns(self.channels), columns(self.accelerometers)].concat();
-        for segment in recording.segments() {
-            require_usable(&recording, segment, &used)?;
-        }
         let mut remarks = Vec::new();
         let time = RecordTime::of(&recording, unit, self.clock, &mut remarks);
         let axes = |channels: Option<&Channels>, kind: &Kind| -> Result<_, CalibrationError> {
@@ -90,9 +86,6 @@ impl<'a> RecordOfUnit<'a> {
             Ok(axes)
         };
         let rates = axes(self.channels, &kind::ANGULAR_RATE)?;
-        for column in rates.iter().flatten() {
-            require_within(unit, &recording.column(column)?.values, (&recording.source().file, column))?;
-        }
         let further = match self.further {
             Some((_, column, kind)) => {
                 recording.column_of(column.name(), kind)?;
@@ -100,7 +93,7 @@ impl<'a> RecordOfUnit<'a> {
             }
             None => None,
         };
-        Ok(UnitSamples {
+        let samples = UnitSamples {
             place: path.display().to_string(),
             rates,
             forces: axes(self.accelerometers, &kind::ACCELERATION)?,
@@ -108,11 +101,51 @@ impl<'a> RecordOfUnit<'a> {
             recording,
             time,
             remarks,
-        })
+        };
+        let checked = samples.check(unit);
+        if checked.is_err() {
+            files.parts.push(samples.figure_of_refused());
+        }
+        checked.map(|()| samples)
     }
 }
 
 impl UnitSamples {
+    /// Refuses a record in which a sensor is at the end of its range, or is another channel.
+    fn check(&self, unit: &InertialUnit) -> Result<(), CalibrationError> {
+        let used: Vec<&str> = self.rates.iter().chain(&self.forces).flatten().map(String::as_str).collect();
+        for segment in self.recording.segments() {
+            require_usable(&self.recording, segment, &used)?;
+        }
+        for column in self.rates.iter().flatten() {
+            let values = &self.recording.column(column)?.values;
+            require_within(unit, values, (&self.recording.source().file, column))?;
+        }
+        Ok(())
+    }
+
+    /// The sensors of a record that is refused, with the parts in which they are still for a second or longer.
+    fn figure_of_refused(&self) -> Figure {
+        let each = [
+            (self.rates(), true, Axis::new("rate", "deg/s"), 1.0_f64.to_degrees()),
+            (self.forces(), false, Axis::new("specific force", "m/s^2"), 1.0),
+        ];
+        let columns: Vec<(&[f64], bool)> = each
+            .iter()
+            .flat_map(|(all, is_rate, ..)| all.iter().flatten().map(|values| (*values, *is_rate)))
+            .collect();
+        let parts = self.still_parts(1.0, &columns).concat();
+        let there = each.into_iter().filter(|(all, ..)| all.iter().any(Option::is_some));
+        let panels = there.map(|(all, _, axis, factor)| {
+            let shown = AXES.into_iter().zip(all).filter_map(|(axis, values)| {
+                Some((axis, values?.iter().map(|value| factor * value).collect()))
+            });
+            self.panel_of_parts(axis, shown, "taken as still", parts.iter().map(|rows| (rows.clone(), 0.0)))
+        });
+        let caption = "The sensors of the record that was refused, with the parts that were taken as still.";
+        panels.fold(Figure::new("refused", self.place.clone(), caption), Figure::with)
+    }
+
     fn values(&self, column: Option<&String>) -> Option<&[f64]> {
         Some(&self.recording.column(column?).ok()?.values)
     }

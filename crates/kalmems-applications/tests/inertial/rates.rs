@@ -284,8 +284,11 @@ fn turned_saturated_and_too_few_steps_are_named_and_none_is_certified() {
     });
     fs::write(&path, clipped.collect::<String>()).unwrap();
     let file = GyroscopeCalibration::parse(FILE, &folder.path().join("table.toml")).unwrap();
-    let said = calibrate(&file, &Silent).unwrap_err().to_string();
+    let mut parts = Vec::new();
+    let said = calibrate_with_parts(&file, &Silent, &mut parts).unwrap_err().to_string();
     assert!(said.contains("gz_rad_per_s") && said.contains("clipped"), "{said}");
+    // Three gyroscopes, and below them the parts in which they are still.
+    assert!(parts.len() == 1 && parts[0].id == "refused" && parts[0].panels[0].series.len() > 3);
     let said = calibrated(&GYROSCOPE, &[0.0, 1.0, 2.0, 3.0], 3, FILE).unwrap_err().to_string();
     assert!(said.contains("found 4 parts") && said.contains("at least 10"), "{said}");
     // The parts that were found are drawn all the same.
