@@ -132,7 +132,7 @@ impl UnitSamples {
         ];
         let columns: Vec<(&[f64], bool)> = each
             .iter()
-            .flat_map(|(all, is_rate, ..)| all.iter().flatten().map(move |values| (*values, *is_rate)))
+            .flat_map(|(all, is_rate, ..)| all.iter().flatten().map(|values| (*values, *is_rate)))
             .collect();
         let parts = self.still_parts(1.0, &columns).concat();
         let there = each.into_iter().filter(|(all, ..)| all.iter().any(Option::is_some));
