@@ -5,14 +5,16 @@ use crate::estimate::{Filtering, SampleCounts, Transition};
 use kalmems_core::{FilterError, Nodes};
 use kalmems_equations::MOST_STATES;
 
-/// How far mean and Jacobian of so many steps and of twice as many may be apart, in standard deviations that the filter claims.
-const ALIKE: f64 = 1e-3;
-/// How far the variances of the noise that enters the motion may be apart, as a part of them: a claim is off by half of that at most. What is less
-/// than this part of the variance that the filter claims does not count.
+/// How far mean and Jacobian of so many steps and of twice as many may be apart, in standard deviations that the filter claims, along whatever axis of
+/// its claim.
+const ALIKE: f64 = 4e-3;
+/// How far the noise that enters the motion may be apart, as a part of it: a claim is off by half of that at most. What is less than this part of the
+/// variance that the filter claims does not count.
 const NOISE_ALIKE: f64 = 0.02;
 const NOISE_COUNTS: f64 = 1e-4;
-/// What a step of fourth order is off by, of what it differs from two of half the length by.
-const OF_FOURTH_ORDER: f64 = 1.0 / 15.0;
+/// A claim counts as no narrower along an axis than by this part of the standard deviation of a state. Behind the bounce off a stiff contact, place and
+/// speed together are known a hundred times better than the speed alone, and the next bounce turns the one into the other.
+const NARROWEST: f64 = 1e-2;
 /// Twice as many steps, at most so often: 64 from one sample to the next.
 const DOUBLINGS: usize = 6;
 
@@ -20,11 +22,12 @@ const DOUBLINGS: usize = 6;
 /// filter claims there, so that it does not depend on where parts begin.
 pub struct KinkSteps {
     /// Steps of 1, 1/2, 1/4, … of the usual interval.
-    intervals: [Interval; DOUBLINGS + 1],
+    intervals: [Interval; DOUBLINGS + 2],
     covariance: Vec<f64>,
     /// Where some steps lead to, and where twice as many do; and room for one step.
     ways: [Led; 2],
     one: OneStep,
+    claim: Claim,
 }
 
 /// The mean, the Jacobian and the covariance of the noise that some steps lead to.
@@ -56,8 +59,8 @@ impl KinkSteps {
     /// For this usual interval in s.
     pub fn new(interval_s: f64) -> Self {
         let halved = |doublings: usize| Interval::of(interval_s / f64::from(1_u32 << doublings));
-        let (covariance, one) = (Vec::new(), OneStep::default());
-        Self { intervals: std::array::from_fn(halved), covariance, ways: Default::default(), one }
+        let (covariance, one, claim) = (Vec::new(), OneStep::default(), Claim::default());
+        Self { intervals: std::array::from_fn(halved), covariance, ways: Default::default(), one, claim }
     }
 
     /// Predicts over the usual interval under inputs.
@@ -72,24 +75,22 @@ impl KinkSteps {
         self.covariance.resize(states * states, 0.0);
         self.one.resize(states * states);
         filter.covariance(&mut self.covariance);
-        let mut sd = [0.0; MOST_STATES];
-        for (i, sd) in sd.iter_mut().enumerate().take(states) {
-            *sd = self.covariance[i * (states + 1)].max(0.0).sqrt();
-        }
-        let Self { intervals, ways: [coarse, fine], one, .. } = self;
-        let mut doublings = 0;
-        coarse.lead((model, &intervals[0]), filter.mean(), (inputs, 0), one);
+        let Self { intervals, covariance, ways: [coarse, fine], one, claim } = self;
+        claim.begin(covariance, states);
+        let (mut doublings, mut alike) = (0, false);
+        coarse.lead(model, intervals, filter.mean(), (inputs, 0), one);
         while doublings < DOUBLINGS {
-            fine.lead((model, &intervals[doublings + 1]), filter.mean(), (inputs, doublings + 1), one);
-            if are_alike(coarse, fine, &sd[..states]) {
+            fine.lead(model, intervals, filter.mean(), (inputs, doublings + 1), one);
+            alike = claim.has_alike(coarse, fine);
+            if alike {
                 break;
             }
             std::mem::swap(coarse, fine);
             doublings += 1;
         }
-        counts.unresolved_kinks += usize::from(doublings == DOUBLINGS);
-        each_step((inputs, doublings), |nodes| {
-            let step = model.under(&intervals[doublings], nodes, filter.mean());
+        counts.unresolved_kinks += usize::from(!alike);
+        each_step(intervals, (inputs, doublings), |interval, nodes| {
+            let step = model.under(interval, nodes, filter.mean());
             filter.predict(&step)
         })
     }
@@ -99,7 +100,8 @@ impl Led {
     /// Goes so many steps from a mean; `one` has room for a step.
     fn lead(
         &mut self,
-        (model, interval): (&EquationModel, &Interval),
+        model: &EquationModel,
+        intervals: &[Interval],
         from: &[f64],
         inputs: (Nodes<&[f64]>, usize),
         one: &mut OneStep,
@@ -115,7 +117,7 @@ impl Led {
             self.slopes[i * (n + 1)] = 1.0;
         }
         // It has no end of its own.
-        let _ = each_step(inputs, |nodes| -> Result<(), FilterError> {
+        let _ = each_step(intervals, inputs, |interval, nodes| -> Result<(), FilterError> {
             let mut next = [0.0; MOST_STATES];
             let step = model.under(interval, nodes, &self.mean);
             step.linearize(&self.mean, &mut next[..n], &mut one.slopes);
@@ -152,37 +154,134 @@ impl Led {
     }
 }
 
-/// Does something with the inputs of each of the steps of an interval, which is halved so often.
+/// Does something with the length and the inputs of each step of an interval: of so many parts, a doubling each, it is cut in the middle of each. No cut
+/// of one number of parts is one of another, so that what leads to a kink, and on from there, is never the same part of a step in two ways that are
+/// compared.
 fn each_step<E>(
+    intervals: &[Interval],
     (inputs, doublings): (Nodes<&[f64]>, usize),
-    mut each: impl FnMut(Nodes<&[f64]>) -> Result<(), E>,
+    mut each: impl FnMut(&Interval, Nodes<&[f64]>) -> Result<(), E>,
 ) -> Result<(), E> {
-    let (steps, count) = (1_usize << doublings, inputs.start.len().min(MOST_STATES));
-    let mut nodes = [[0.0; MOST_STATES]; 3];
-    for step in 0..steps {
-        set_part(&inputs, (step, steps), &mut nodes);
+    let (halves, count) = (2_usize << doublings, inputs.start.len().min(MOST_STATES));
+    let (mut nodes, mut behind) = ([[0.0; MOST_STATES]; 3], [[0.0; MOST_STATES]; 3]);
+    let mut at = 0;
+    while at < halves {
+        let is_half = at == 0 || at + 1 == halves;
+        set_part(&inputs, (at, halves), &mut nodes);
+        if !is_half {
+            set_part(&inputs, (at + 1, halves), &mut behind);
+            (nodes[1], nodes[2]) = (behind[0], behind[2]);
+        }
         let [start, middle, end] = &nodes;
-        each(Nodes { start: &start[..count], middle: &middle[..count], end: &end[..count] })?;
+        let interval = &intervals[doublings + usize::from(is_half)];
+        each(interval, Nodes { start: &start[..count], middle: &middle[..count], end: &end[..count] })?;
+        at += if is_half { 1 } else { 2 };
     }
     Ok(())
 }
 
-/// Whether two ways over an interval lead to the same, as far as a filter with these standard deviations tells.
-fn are_alike(coarse: &Led, fine: &Led, sd: &[f64]) -> bool {
-    let n = sd.len();
-    let bound = ALIKE / OF_FOURTH_ORDER;
-    let noise_is_alike = (0..n).all(|i| {
-        let at = i * (n + 1);
-        let apart = (coarse.noise[at] - fine.noise[at]).abs();
-        apart <= (NOISE_ALIKE * fine.noise[at]).max(NOISE_COUNTS * sd[i] * sd[i])
-    });
-    // A state that is known exactly has no deviation to compare with.
-    noise_is_alike
-        && (0..n).filter(|i| sd[*i] > 0.0).all(|i| {
-            let mean = (coarse.mean[i] - fine.mean[i]).abs() <= bound * sd[i];
-            mean && (0..n).all(|j| {
-                let apart = (coarse.slopes[i * n + j] - fine.slopes[i * n + j]).abs();
-                apart * sd[j] <= bound * sd[i]
-            })
+/// What a filter claims before and behind an interval, by lower triangular factors.
+#[derive(Default)]
+struct Claim {
+    states: usize,
+    before: Vec<f64>,
+    behind: Vec<f64>,
+    /// The covariance behind, or what of two ways is apart.
+    product: Vec<f64>,
+}
+
+impl Claim {
+    /// Takes the claim before an interval, the lower triangle of a covariance.
+    fn begin(&mut self, covariance: &[f64], states: usize) {
+        self.states = states;
+        for room in [&mut self.before, &mut self.behind, &mut self.product] {
+            room.resize(states * states, 0.0);
+        }
+        factor(covariance, &mut self.before, states);
+    }
+
+    /// Whether two ways over the interval lead to the same, as far as the filter tells: what is apart in mean, Jacobian and noise is little of what it
+    /// claims behind the interval, F·P·Fᵀ + Q.
+    fn has_alike(&mut self, coarse: &Led, fine: &Led) -> bool {
+        let n = self.states;
+        let Self { before, behind, product, .. } = self;
+        times_lower(&fine.slopes, before, behind, n);
+        for i in 0..n {
+            for j in 0..=i {
+                let moved: f64 = (0..n).map(|k| behind[i * n + k] * behind[j * n + k]).sum();
+                product[i * n + j] = moved + fine.noise[i * n + j];
+            }
+        }
+        factor(product, behind, n);
+        let within = |apart: &[f64], bound: f64| apart.iter().all(|apart| apart.abs() <= bound);
+        let mut mean = difference(&coarse.mean, &fine.mean);
+        solve(behind, &mut mean, n, 1);
+        times_lower(&difference(&coarse.slopes, &fine.slopes), before, product, n);
+        solve(behind, product, n, n);
+        if !within(&mean, ALIKE) || !within(product, ALIKE) {
+            return false;
+        }
+        let (apart, noise) = (
+            whitened(behind, difference(&coarse.noise, &fine.noise), n),
+            whitened(behind, fine.noise.clone(), n),
+        );
+        (0..n * n).all(|at| {
+            let own = noise[at / n * (n + 1)].max(0.0) * noise[at % n * (n + 1)].max(0.0);
+            apart[at].abs() <= (NOISE_ALIKE * own.sqrt()).max(NOISE_COUNTS)
         })
+    }
+}
+
+/// L⁻¹·Q·L⁻ᵀ of a symmetric Q: twice from the left.
+fn whitened(lower: &[f64], mut noise: Vec<f64>, n: usize) -> Vec<f64> {
+    for _ in 0..2 {
+        solve(lower, &mut noise, n, n);
+        for i in 0..n {
+            for j in 0..i {
+                noise.swap(i * n + j, j * n + i);
+            }
+        }
+    }
+    noise
+}
+
+/// What is left of some numbers without others.
+fn difference(of: &[f64], without: &[f64]) -> Vec<f64> {
+    of.iter().zip(without).map(|(a, b)| a - b).collect()
+}
+
+/// The lower triangular L with L·Lᵀ = P, from the lower triangle of P, no narrower than [`NARROWEST`]; a state without a variance has no row.
+fn factor(covariance: &[f64], root: &mut [f64], n: usize) {
+    root.fill(0.0);
+    for j in 0..n {
+        let variance = covariance[j * (n + 1)].max(0.0);
+        let explained: f64 = root[j * n..j * n + j].iter().map(|entry| entry * entry).sum();
+        let pivot = (variance - explained).max(NARROWEST * NARROWEST * variance).sqrt();
+        root[j * (n + 1)] = pivot;
+        for i in (j + 1)..n {
+            let explained: f64 = (0..j).map(|k| root[i * n + k] * root[j * n + k]).sum();
+            root[i * n + j] = if pivot > 0.0 { (covariance[i * n + j] - explained) / pivot } else { 0.0 };
+        }
+    }
+}
+
+/// A·L of square matrices, of which L is lower triangular.
+fn times_lower(a: &[f64], lower: &[f64], to: &mut [f64], n: usize) {
+    for i in 0..n {
+        for j in 0..n {
+            to[i * n + j] = (j..n).map(|k| a[i * n + k] * lower[k * n + j]).sum();
+        }
+    }
+}
+
+/// X with L·X = B in place of B, of so many columns. A state that is known exactly has no deviation to compare with: its row is zero.
+fn solve(lower: &[f64], b: &mut [f64], n: usize, columns: usize) {
+    for i in 0..n {
+        let pivot = lower[i * (n + 1)];
+        for j in 0..columns {
+            let known: f64 = (0..i).map(|k| lower[i * n + k] * b[k * columns + j]).sum();
+            let left = b[i * columns + j] - known;
+            b[i * columns + j] = if pivot > 0.0 { left / pivot } else { 0.0 };
+        }
+    }
 }

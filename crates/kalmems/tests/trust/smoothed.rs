@@ -45,6 +45,25 @@ noise = { signal = "1e-4[V^2]"DENSITY }
 parameters = { f0 = "1 kHz", Q = "6", force = "20 m/(s^2 V)", cubic = "2e18 1/(m^2 s^2)", gain = "1 V/um" }
 "#;
 
+/// An angle on a rest that two thermal masses move.
+const THERMAL: &str = r#"
+states = { angle = "rad", rate = "rad/s", T = "K", F = "K" }
+inputs = { drive = "V" }
+interpolation = "BETWEEN"
+let = { power = "drive^2/(500[ohm] + 1.5[ohm/K]*T)", to_frame = "1e-4[W/K]*(T - F)", rest = "2e-3[rad/K]*(T - 0.2*F)" }
+measure = { signal = "sensitivity*(1 - 2e-3[1/K]*F)*angle + 3e-3[V/K]*F + 0.04[V] in V" }
+noise = { signal = "2.5e-7[V^2]"DENSITY }
+[device.equations.derivative]
+angle = "rate"
+rate = "(-b*rate - 3.09e-8[N m]*(angle - rest))/J"
+T = "(power - to_frame)/8e-7[J/K]"
+F = "(to_frame - 2e-3[W/K]*F)/6e-4[J/K]"
+[device.equations.parameters]
+J = "3.4e-15 kg m^2"
+b = "2.7e-13 N m s"
+sensitivity = "2.5 V/rad"
+"#;
+
 const SINE: &str = "{ sine = { offset = \"1 V\", amplitude = \"0.5 V\", frequency = \"FREQUENCY\" } }";
 const CONSTANT: &str = "{ constant = { value = \"1 V\" } }";
 
@@ -87,13 +106,25 @@ fn parsed(text: &str) -> Experiment {
 const LAG_START: &[StartState] = &[("T", 0.0, "K", 0.05), ("x", 0.0, "m", 5e-8)];
 const SWING: &[StartState] = &[("x", 1e-6, "m", 1e-7), ("v", 0.0, "m/s", 1e-3)];
 
+const WARM: &[StartState] =
+    &[("angle", 0.1, "rad", 1e-3), ("rate", 0.0, "rad/s", 1.0), ("T", 50.0, "K", 0.1), ("F", 3.0, "K", 0.1)];
+
 /// Without noise of the motion and with it, over ten time constants and over thousands. Where neither the motion has noise nor the step is exact, an
 /// error of the step outlasts all claims: such devices run for ten time constants. What is known to the arithmetic has a constant drive.
-const TEXTS: [Text; 7] = [
+const TEXTS: [Text; 8] = [
     Text { name: "lags_short", density: "", duration_s: 0.1, ..LAG_CASE },
     Text { name: "lags_long", density: "", duration_s: 80.0, drive: None, ..LAG_CASE },
     Text { name: "noisy_lags_short", duration_s: 0.1, ..LAG_CASE },
     Text { name: "noisy_lags_long", duration_s: 80.0, ..LAG_CASE },
+    Text {
+        name: "thermal",
+        equations: THERMAL,
+        density: "",
+        rate_hz: 1e4,
+        duration_s: 1.0,
+        drive: Some("10 Hz"),
+        start: WARM,
+    },
     Text { name: "resonator_short", density: "", duration_s: 0.02, ..RESONATOR_CASE },
     Text { name: "noisy_resonator", duration_s: 2.0, ..RESONATOR_CASE },
     Text { name: "noisy_resonator_long", duration_s: 6.0, ..RESONATOR_CASE },
