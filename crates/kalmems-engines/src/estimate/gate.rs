@@ -13,7 +13,7 @@
 
 use super::transition::Sensor;
 use kalmems_core::{FilterError, Innovation, Scalar};
-use statrs::function::erf::{erf, erfc, erfc_inv};
+use statrs::function::erf::{erf, erfc_inv};
 use statrs::function::gamma::ln_gamma;
 use std::f64::consts::{PI, SQRT_2, TAU};
 use std::sync::Arc;
@@ -154,8 +154,6 @@ struct SignalGate {
     /// All samples, and those beyond the bound.
     samples: f64,
     beyond: f64,
-    /// A bound, and how probable an innovation within it is of a filter that is right: the bound often stays the same.
-    within: (f64, f64),
 }
 
 /// Numbers of a gate.
@@ -170,21 +168,18 @@ impl SignalGate {
         settling: 0,
         samples: 0.0,
         beyond: 0.0,
-        within: (f64::NAN, f64::NAN),
     };
 
-    /// ln p of an innovation by what the gate takes samples for: normal up to its bound and, with the share of the samples before that lay beyond,
-    /// anything beyond, with the density c/(2z²) of a number z standard deviations away. `normal` is the logarithm of the normal density.
-    fn log_density(&mut self, normal: f64, (nis, total): (f64, f64), bound: f64) -> f64 {
-        // Half a sample beyond is assumed before the first (Krichevsky & Trofimov): what is foreseen depends on the past alone.
-        let beyond = (self.beyond + 0.5) / (self.samples + 1.0);
-        if nis <= bound {
-            if self.within.0 != bound {
-                self.within = (bound, 1.0 - erfc((0.5 * bound).sqrt()));
-            }
-            return normal + Scalar::ln((1.0 - beyond) / self.within.1);
-        }
-        Scalar::ln(0.5 * beyond * bound.sqrt() / (nis * total.sqrt()))
+    /// ln p of an innovation by what the gate takes samples for: a share o of them is disturbed, and twice as many as lie beyond the bound L were
+    /// before. A disturbance z standard deviations large has the density 1/(4·√L) within the bound and √L/(4·z²) beyond, where half of them are; all other
+    /// samples have that of the noise, whose logarithm is `normal`.
+    fn log_density(&self, normal: f64, (nis, total): (f64, f64), bound: f64) -> f64 {
+        // Half a sample is disturbed before the first (Krichevsky & Trofimov): what is foreseen depends on the past alone.
+        let [disturbed, others] =
+            [2.0 * self.beyond, self.samples - 2.0 * self.beyond].map(|n| n.max(0.0) + 0.5);
+        let disturbed = disturbed / (disturbed + others);
+        let of_disturbance = (bound / nis).min(1.0) / (4.0 * (bound * total).sqrt());
+        Scalar::ln((1.0 - disturbed) * Scalar::exp(normal) + disturbed * of_disturbance)
     }
 
     /// The largest z² that is no outlier.
@@ -378,7 +373,6 @@ impl SampleGate {
                 settling: settling as u32,
                 samples,
                 beyond,
-                ..SignalGate::NEW
             }),
             _ => None,
         };
@@ -459,7 +453,7 @@ impl SampleGate {
                 (weighed.deviance * found.covariance.get(0, 0)).sqrt().copysign(found.residual[0]);
         }
         let density = match self.taking.largest_nis {
-            Some(_) => self.gates[signal].log_density(of_law, (found.nis, total), bound),
+            Some(_) => self.gates[signal].log_density(of_law, (residual * residual / total, total), bound),
             None => of_law,
         };
         self.enter(density, &found);
@@ -600,15 +594,15 @@ mod tests {
                 let all = integral(|r| law.log_density((r, total), noise), 400.0);
                 assert!((all - 1.0).abs() < 1e-5, "{law:?} {total}: {all}");
             }
-            let mut gate = SignalGate { samples: 100.0, beyond: 3.0, ..SignalGate::NEW };
+            let gate = SignalGate { samples: 100.0, beyond: 3.0, ..SignalGate::NEW };
             let bound = 6.0;
             let of = |r: f64| {
                 let nis = r * r / total;
                 gate.log_density(UpdateLaw::Normal.log_density((r, total), noise), (nis, total), bound)
             };
             let span = 1000.0;
-            // What is beyond the span: both tails of c/(2z²).
-            let tails = 3.5 / 101.0 * bound.sqrt() * total.sqrt() / span;
+            // What is beyond the span: both tails of √L/(4z²) of the 6.5 disturbances in 101 samples.
+            let tails = 6.5 / 101.0 * 0.5 * bound.sqrt() * total.sqrt() / span;
             let all = integral(of, span) + tails;
             assert!((all - 1.0).abs() < 2e-3, "{total}: {all}");
         }

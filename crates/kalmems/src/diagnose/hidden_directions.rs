@@ -65,14 +65,14 @@ pub(super) fn hidden_directions(numbers: &[NumberSensitivity]) -> Vec<Direction>
 }
 
 /// The numbers of a combination that are told.
-pub(super) fn told(direction: &Direction) -> impl Iterator<Item = &(usize, f64)> {
+pub(super) fn told(direction: &[(usize, f64)]) -> impl Iterator<Item = &(usize, f64)> {
     direction.iter().filter(|(_, part)| part.abs() > NO_PART)
 }
 
 /// What a combination changes where its largest part is wrong by a size.
 pub(super) fn changes(
     numbers: &[NumberSensitivity],
-    direction: &Direction,
+    direction: &[(usize, f64)],
     size: f64,
 ) -> Option<Vec<TrialChange>> {
     let mut all = Vec::new();

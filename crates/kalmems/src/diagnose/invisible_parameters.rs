@@ -2,7 +2,7 @@
 
 use super::answer::AnswerChange;
 use super::bench::TrialBench;
-use super::hidden_directions::{Direction, changes, hidden_directions, told};
+use super::hidden_directions::{changes, hidden_directions, told};
 use super::sensitivity::NumberSensitivity;
 use super::trial::DiagnosisTrial;
 use serde::Serialize;
@@ -62,7 +62,7 @@ fn note(number: &NumberSensitivity, base: &DiagnosisTrial) -> Option<ScaleNote> 
 fn of_direction(
     bench: &TrialBench,
     numbers: &[NumberSensitivity],
-    direction: &Direction,
+    direction: &[(usize, f64)],
     base: &DiagnosisTrial,
 ) -> Option<ScaleNote> {
     let name = |place: usize| numbers[place].suspect.name();
