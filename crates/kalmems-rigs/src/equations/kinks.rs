@@ -186,15 +186,18 @@ struct Claim {
     states: usize,
     before: Vec<f64>,
     behind: Vec<f64>,
-    /// The covariance behind, or what of two ways is apart.
+    /// The covariance behind, or what of two ways is apart; and room beside it.
     product: Vec<f64>,
+    noise: Vec<f64>,
+    apart: Vec<f64>,
 }
 
 impl Claim {
     /// Takes the claim before an interval, the lower triangle of a covariance.
     fn begin(&mut self, covariance: &[f64], states: usize) {
         self.states = states;
-        for room in [&mut self.before, &mut self.behind, &mut self.product] {
+        for room in [&mut self.before, &mut self.behind, &mut self.product, &mut self.noise, &mut self.apart]
+        {
             room.resize(states * states, 0.0);
         }
         factor(covariance, &mut self.before, states);
@@ -204,7 +207,7 @@ impl Claim {
     /// claims behind the interval, F·P·Fᵀ + Q.
     fn has_alike(&mut self, coarse: &Led, fine: &Led) -> bool {
         let n = self.states;
-        let Self { before, behind, product, .. } = self;
+        let Self { before, behind, product, noise, apart, .. } = self;
         times_lower(&fine.slopes, before, behind, n);
         for i in 0..n {
             for j in 0..=i {
@@ -214,17 +217,22 @@ impl Claim {
         }
         factor(product, behind, n);
         let within = |apart: &[f64], bound: f64| apart.iter().all(|apart| apart.abs() <= bound);
-        let mut mean = difference(&coarse.mean, &fine.mean);
-        solve(behind, &mut mean, n, 1);
-        times_lower(&difference(&coarse.slopes, &fine.slopes), before, product, n);
-        solve(behind, product, n, n);
-        if !within(&mean, ALIKE) || !within(product, ALIKE) {
+        let mean = &mut product[..n];
+        put_difference(mean, &coarse.mean, &fine.mean);
+        solve(behind, mean, n, 1);
+        if !within(mean, ALIKE) {
             return false;
         }
-        let (apart, noise) = (
-            whitened(behind, difference(&coarse.noise, &fine.noise), n),
-            whitened(behind, fine.noise.clone(), n),
-        );
+        put_difference(apart, &coarse.slopes, &fine.slopes);
+        times_lower(apart, before, product, n);
+        solve(behind, product, n, n);
+        if !within(product, ALIKE) {
+            return false;
+        }
+        put_difference(apart, &coarse.noise, &fine.noise);
+        noise.copy_from_slice(&fine.noise);
+        whiten(behind, apart, n);
+        whiten(behind, noise, n);
         (0..n * n).all(|at| {
             let own = noise[at / n * (n + 1)].max(0.0) * noise[at % n * (n + 1)].max(0.0);
             apart[at].abs() <= (NOISE_ALIKE * own.sqrt()).max(NOISE_COUNTS)
@@ -232,22 +240,23 @@ impl Claim {
     }
 }
 
-/// L⁻¹·Q·L⁻ᵀ of a symmetric Q: twice from the left.
-fn whitened(lower: &[f64], mut noise: Vec<f64>, n: usize) -> Vec<f64> {
+/// L⁻¹·Q·L⁻ᵀ in place of a symmetric Q: twice from the left.
+fn whiten(lower: &[f64], noise: &mut [f64], n: usize) {
     for _ in 0..2 {
-        solve(lower, &mut noise, n, n);
+        solve(lower, noise, n, n);
         for i in 0..n {
             for j in 0..i {
                 noise.swap(i * n + j, j * n + i);
             }
         }
     }
-    noise
 }
 
 /// What is left of some numbers without others.
-fn difference(of: &[f64], without: &[f64]) -> Vec<f64> {
-    of.iter().zip(without).map(|(a, b)| a - b).collect()
+fn put_difference(to: &mut [f64], of: &[f64], without: &[f64]) {
+    for (to, (of, without)) in to.iter_mut().zip(of.iter().zip(without)) {
+        *to = of - without;
+    }
 }
 
 /// The lower triangular L with L·Lᵀ = P, from the lower triangle of P, no narrower than [`NARROWEST`]; a state without a variance has no row.

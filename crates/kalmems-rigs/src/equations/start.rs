@@ -148,7 +148,7 @@ impl EquationFilterTask<'_> {
         let cycle_s = cycle_s(self.own, &prior);
         let mut search = search(self.own, prior);
         search.seeds = self.shown_start()?.into_iter().collect();
-        let states = self.filter.basics.states(&self.own.states());
+        let states = self.filter.basics.states(self.own.states());
         let of = SignalStart {
             place: self.data.place,
             basics: &self.filter.basics,
