@@ -1,4 +1,4 @@
-//! Arrays in memory in the place of files that an experiment names.
+//! Arrays in memory instead of files that an experiment names.
 
 use kalmems_formats::Arrays;
 use std::collections::BTreeMap;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub struct ArraysByFile(Arc<BTreeMap<PathBuf, Arrays>>);
 
 impl ArraysByFile {
-    /// Those in the place of a file.
+    /// Those instead of a file.
     pub fn get(&self, file: &Path) -> Option<Arrays> {
         self.0.get(file).cloned()
     }

@@ -182,7 +182,7 @@ impl Experiment {
         &self.source.text
     }
 
-    /// The same with arrays in the place of some of the files of its recordings and of their references.
+    /// The same with arrays instead of some of the files of its recordings and of their references.
     #[must_use]
     pub fn with_arrays(mut self, arrays: &ArraysByFile) -> Self {
         for recording in &mut self.recordings {
@@ -207,7 +207,7 @@ impl Experiment {
         &self.beside
     }
 
-    /// The arrays in the place of files.
+    /// The arrays instead of files.
     pub const fn arrays(&self) -> &ArraysByFile {
         &self.arrays
     }
@@ -391,7 +391,7 @@ impl Recording {
     }
 }
 
-/// The same where arrays stand in the place of the file: how that is written does not matter then.
+/// The same where arrays stand instead of the file: how that is written does not matter then.
 fn of_arrays(layout: RecordingLayout, arrays: Option<&Arrays>) -> RecordingLayout {
     match arrays {
         Some(arrays) => {

@@ -45,7 +45,7 @@ pub trait Parameters<T: Scalar> {
     /// How many numbers it holds.
     const COUNT: usize;
 
-    /// The structure with `f(first + index, value)` in the place of each number, called in their order.
+    /// The structure with `f(first + index, value)` instead of each number, called in their order.
     fn map_from<S: Scalar>(&self, first: usize, f: &mut impl FnMut(usize, T) -> S) -> Self::Of<S>;
 
     /// The index of the number with this name.
@@ -54,7 +54,7 @@ pub trait Parameters<T: Scalar> {
     /// Writes the name of the number with this index; nothing where there is none.
     fn write_name(index: usize, to: &mut dyn fmt::Write) -> fmt::Result;
 
-    /// The structure with `f(index, value)` in the place of each number.
+    /// The structure with `f(index, value)` instead of each number.
     #[inline(always)]
     fn map<S: Scalar>(&self, mut f: impl FnMut(usize, T) -> S) -> Self::Of<S> {
         self.map_from(0, &mut f)

@@ -1,4 +1,4 @@
-//! Arrays in memory as a table, in the place of a file.
+//! Arrays in memory as a table, instead of a file.
 
 use crate::element::{Element, ElementKind};
 use crate::records::{CellKind, RecordLane, RecordTable, StoredCell, TextEncoding};

@@ -77,7 +77,7 @@ pub struct Hints {
     pub columns: Option<Vec<String>>,
     /// How text is written.
     pub csv: CsvHints,
-    /// Arrays in memory that stand in the place of the file: it is not opened, and need not be there.
+    /// Arrays in memory that stand instead of the file: it is not opened, and need not be there.
     pub arrays: Option<Arrays>,
 }
 
@@ -226,7 +226,7 @@ const OTHERS: [(&[u8], &str); 8] = [
 /// A kind of file by any of these bytes, each from a place on, and what to do with it.
 type KnownBeginning = (&'static [(usize, &'static [u8])], &'static str);
 
-/// Texts that stand in the place of a file, and files of instruments in formats of their own: what they begin with, and what to export in
+/// Texts that stand instead of a file, and files of instruments in formats of their own: what they begin with, and what to export in
 /// the place of them.
 const BEGINNINGS: [KnownBeginning; 8] = [
     (

@@ -1,4 +1,4 @@
-//! An experiment of which recordings are given as arrays, in the place of the files that it names.
+//! An experiment of which recordings are given as arrays, instead of the files that it names.
 
 use crate::config::{ArraysByFile, ConfigError, ConfigFault, ConfigPlace, Experiment, Key, Source};
 use crate::diagnose::{DiagnoseError, FoundNoise, with_noise};
@@ -47,7 +47,7 @@ pub struct ArrayExperiment {
 /// An experiment that is ready for work.
 #[derive(Debug)]
 pub struct PreparedExperiment {
-    /// The devices, with the arrays in the place of files for whatever is read because of the experiment.
+    /// The devices, with the arrays instead of files for whatever is read because of the experiment.
     pub workbench: Workbench,
     /// The experiment.
     pub experiment: Experiment,
@@ -70,7 +70,7 @@ impl ArrayExperiment {
         })
     }
 
-    /// Puts arrays in the place of the file of a recording: that of this name or role, or, where nothing is said, the only one, else the only one
+    /// Puts arrays instead of the file of a recording: that of this name or role, or, where nothing is said, the only one, else the only one
     /// of the role `test`.
     pub fn recording(&mut self, of: Option<&str>, given: &ArrayRecording) -> Result<(), ConfigError> {
         let place = self.place(of)?;
@@ -94,7 +94,7 @@ impl ArrayExperiment {
         Ok(())
     }
 
-    /// Puts another file in the place of that of a recording, read as that is; which recording, as with [`recording`](Self::recording). A
+    /// Puts another file instead of that of a recording, read as that is; which recording, as with [`recording`](Self::recording). A
     /// reference in a file of its own is replaced by `reference`, and left out where that is `None`. Other recordings with its role are left
     /// out: each is estimated by itself.
     pub fn file(
@@ -179,7 +179,7 @@ impl ArrayExperiment {
         Ok(here)
     }
 
-    /// Puts arrays in the place of the file of a recording's reference; which recording, as with [`recording`](Self::recording).
+    /// Puts arrays instead of the file of a recording's reference; which recording, as with [`recording`](Self::recording).
     pub fn reference(&mut self, of: Option<&str>, given: &ArrayRecording) -> Result<(), ConfigError> {
         let place = self.place(of)?;
         let taken: Vec<PathBuf> = self.arrays.keys().cloned().collect();

@@ -219,7 +219,7 @@ pub struct CrossCheck {
 }
 
 impl CrossCheck {
-    /// Puts the trials' interval in the place of that by JCGM 100 wherever the two disagree.
+    /// Puts the trials' interval instead of that by JCGM 100 wherever the two disagree.
     pub(super) fn state_intervals(&self, main: usize, entries: &mut [[Option<UncertainEstimate>; 3]; 3]) {
         for (i, row) in entries.iter_mut().enumerate() {
             for (j, entry) in row.iter_mut().enumerate() {

@@ -285,7 +285,7 @@ pub struct ReferenceSpectrum {
     pub column: ColumnChoice,
 }
 
-/// A light, and a detector in the place of a recorded one.
+/// A light, and a detector instead of a recorded one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Light {

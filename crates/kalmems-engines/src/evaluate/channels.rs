@@ -2,7 +2,7 @@
 
 use super::{BeamPosition, EdgeVelocity, ONE_ANGLE, ValueState};
 
-/// The instruments whose voltage a reference may hold in the place of an angle or a rate.
+/// The instruments whose voltage a reference may hold instead of an angle or a rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Instruments {
     /// The detector of a beam's position, from which an angle follows: the channel `position`.

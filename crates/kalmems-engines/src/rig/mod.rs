@@ -91,7 +91,7 @@ pub trait Rig: Send + Sync {
         Vec::new()
     }
 
-    /// The instruments whose voltage a reference may hold in the place of an angle or a rate.
+    /// The instruments whose voltage a reference may hold instead of an angle or a rate.
     fn instruments(&self, experiment: &Experiment) -> Result<Instruments, ConfigError> {
         let _ = experiment;
         Ok(Instruments::default())

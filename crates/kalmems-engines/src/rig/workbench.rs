@@ -30,7 +30,7 @@ impl Workbench {
         self
     }
 
-    /// The same for experiments that it reads with arrays in the place of files; see [`Experiment::with_arrays`].
+    /// The same for experiments that it reads with arrays instead of files; see [`Experiment::with_arrays`].
     #[must_use]
     pub fn with_arrays(mut self, arrays: ArraysByFile) -> Self {
         self.arrays = arrays;

@@ -109,7 +109,7 @@ impl EmittedModel {
             .collect()
     }
 
-    /// Puts expressions in the place of those that [`roots`](Self::roots) lists.
+    /// Puts expressions instead of those that [`roots`](Self::roots) lists.
     pub(super) fn replace(&mut self, roots: &[NodeId]) {
         let mut roots = roots.iter().copied();
         for row in self.rates.iter_mut().chain(&mut self.readings) {

@@ -86,7 +86,7 @@ impl Pairs {
     }
 }
 
-/// Puts a pair in the place of its factors, as often as they are there.
+/// Puts a pair instead of its factors, as often as they are there.
 fn replace(atoms: &mut Vec<Atom>, [a, b]: [Atom; 2], pair: Atom) {
     loop {
         let Some(first) = atoms.iter().position(|atom| *atom == a) else { return };

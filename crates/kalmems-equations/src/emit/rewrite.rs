@@ -14,7 +14,7 @@ const NEAR: f64 = 1e-13;
 pub(crate) type OfLaw<'a> =
     &'a mut dyn FnMut(&mut Graph, LawId, &[u8], &[NodeId]) -> Result<NodeId, EmitError>;
 
-/// These expressions with other nodes in the place of some, and laws as `of_law` has them.
+/// These expressions with other nodes instead of some, and laws as `of_law` has them.
 pub(super) fn substituted(
     graph: &mut Graph,
     roots: &[NodeId],

@@ -246,7 +246,7 @@ impl ScannerBench {
         extremes.first().is_some_and(|extreme| extreme.maximum)
     }
 
-    /// What the experiment's one filter makes of a recording: it, or one with a misprint in the place of the UKF.
+    /// What the experiment's one filter makes of a recording: it, or one with a misprint instead of the UKF.
     fn follow(
         &self,
         experiment: &Experiment,

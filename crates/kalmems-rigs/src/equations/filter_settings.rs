@@ -103,10 +103,7 @@ impl EquationFilterSettings {
             Err(experiment.error(at.clone().child(name), ConfigFault::Value { why }))
         };
         let entries = names::entries(device);
-        let start = match &filter.start {
-            Some(FilterStart::Values(values)) => Some(values),
-            Some(FilterStart::FromSignal) | None => None,
-        };
+        let start = if let Some(FilterStart::Values(values)) = &filter.start { Some(values) } else { None };
         let deviations = names::deviations(device);
         let of = |name: &str, values: &Values, known: &[ExpectedEntry]| {
             some(experiment, &at.clone().child(name), values, known)

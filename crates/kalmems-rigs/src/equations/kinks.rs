@@ -27,7 +27,7 @@ pub struct KinkSteps {
     /// Where some steps lead to, and where twice as many do; and room for one step.
     ways: [Led; 2],
     one: OneStep,
-    claim: Claim,
+    claim: ClaimAxes,
 }
 
 /// The mean, the Jacobian and the covariance of the noise that some steps lead to.
@@ -59,7 +59,7 @@ impl KinkSteps {
     /// For this usual interval in s.
     pub fn new(interval_s: f64) -> Self {
         let halved = |doublings: usize| Interval::of(interval_s / f64::from(1_u32 << doublings));
-        let (covariance, one, claim) = (Vec::new(), OneStep::default(), Claim::default());
+        let (covariance, one, claim) = (Vec::new(), OneStep::default(), ClaimAxes::default());
         Self { intervals: std::array::from_fn(halved), covariance, ways: Default::default(), one, claim }
     }
 
@@ -182,7 +182,7 @@ fn each_step<E>(
 
 /// What a filter claims before and behind an interval, by lower triangular factors.
 #[derive(Default)]
-struct Claim {
+struct ClaimAxes {
     states: usize,
     before: Vec<f64>,
     behind: Vec<f64>,
@@ -192,7 +192,7 @@ struct Claim {
     apart: Vec<f64>,
 }
 
-impl Claim {
+impl ClaimAxes {
     /// Takes the claim before an interval, the lower triangle of a covariance.
     fn begin(&mut self, covariance: &[f64], states: usize) {
         self.states = states;

@@ -56,7 +56,7 @@ pub trait Preset: DeviceDescription {
         None
     }
 
-    /// The instruments whose voltage a reference may hold in the place of an angle.
+    /// The instruments whose voltage a reference may hold instead of an angle.
     fn instruments(&self) -> Instruments {
         Instruments::default()
     }

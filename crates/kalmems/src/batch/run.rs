@@ -70,7 +70,7 @@ pub struct BatchOutcome {
 type Looked = Result<(String, String), String>;
 
 impl Batch {
-    /// Reads an experiment file. The recordings of a batch stand in the place of its recording `of`, given by name or role, or, where
+    /// Reads an experiment file. The recordings of a batch stand instead of its recording `of`, given by name or role, or, where
     /// nothing is said, of its only one, else of the only one with the role `test`.
     pub fn load(workbench: &Workbench, path: &Path, of: Option<&str>) -> Result<Self, BatchError> {
         Self::of_source(workbench, Source::load(path)?, of)
@@ -103,7 +103,7 @@ impl Batch {
         })
     }
 
-    /// Compares each recording with a reference of its own: `files` is the path of one, with `{name}` in the place of the recording's name. Without
+    /// Compares each recording with a reference of its own: `files` is the path of one, with `{name}` instead of the recording's name. Without
     /// this, the reference is in the file of the recording, or there is none.
     #[must_use]
     pub fn with_references(self, files: &str) -> Self {

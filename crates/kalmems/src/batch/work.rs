@@ -51,7 +51,7 @@ pub(super) fn unfinished_file(folder: &Path, key: &str) -> PathBuf {
     folder.join(format!("{key}.parquet"))
 }
 
-/// The experiment with a recording in the place of that which it names.
+/// The experiment with a recording instead of that which it names.
 pub(super) fn with_recording(
     mut given: ArrayExperiment,
     of: Option<&str>,

@@ -4,7 +4,7 @@ use super::change::TrialChange;
 use super::sensitivity::NumberSensitivity;
 
 /// Numbers that are wrong together: the relative errors of each for one of the combination, the largest of which is 1.
-pub(super) type Direction = Vec<(usize, f64)>;
+pub(super) type HiddenDirection = Vec<(usize, f64)>;
 
 /// The information below which a number is hidden beside others that make up for it: with it five standard deviations are a tenth of the number.
 const HIDDEN: f64 = 2500.0;
@@ -20,7 +20,7 @@ const MOST: usize = 8;
 /// Of the slopes s of the predictions the matrix Σ s·sᵀ is what they tell of the numbers together. Its Cholesky factor, of those numbers first that
 /// are known best beside the ones before, leaves of each other number what the innovations tell of it while those make up for it: where that is
 /// nearly nothing, the number and what makes up for it are a combination that is hidden. Numbers that are hidden by themselves are no part of it.
-pub(super) fn hidden_directions(numbers: &[NumberSensitivity]) -> Vec<Direction> {
+pub(super) fn hidden_directions(numbers: &[NumberSensitivity]) -> Vec<HiddenDirection> {
     let known = |one: &NumberSensitivity| {
         one.suspect.is_factor() && !one.suspect.is_noise() && one.information > HIDDEN
     };
@@ -57,9 +57,9 @@ pub(super) fn hidden_directions(numbers: &[NumberSensitivity]) -> Vec<Direction>
             parts[k] = (columns[k][number] - others) / columns[k][taken[k]];
         }
         let all = taken.iter().zip(parts).map(|(place, part)| (places[*place], -part));
-        let all: Direction = std::iter::once((places[number], 1.0)).chain(all).collect();
+        let all: HiddenDirection = std::iter::once((places[number], 1.0)).chain(all).collect();
         let largest = all.iter().map(|(_, part)| part.abs()).fold(0.0, f64::max);
-        all.into_iter().map(|(place, part)| (place, part / largest)).collect::<Direction>()
+        all.into_iter().map(|(place, part)| (place, part / largest)).collect::<HiddenDirection>()
     };
     hidden.map(of).filter(|direction| told(direction).count() > 1).take(MOST).collect()
 }

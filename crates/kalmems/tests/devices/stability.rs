@@ -6,7 +6,6 @@ use kalmems::simulate::{
     monodromy, starting_factor, sweeps_both_ways,
 };
 use kalmems_core::{Dynamics, Mat, Over, Scalar};
-use kalmems_macros::model;
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
 use std::f64::consts::PI;
@@ -29,7 +28,6 @@ struct Mathieu<P> {
     c: P,
 }
 
-#[model]
 impl<T: Scalar> Dynamics<T, 2> for Mathieu<T> {
     type Input = T;
     fn derivative<S: Over<T>>(&self, x: &[S; 2], u: &T) -> [S; 2] {

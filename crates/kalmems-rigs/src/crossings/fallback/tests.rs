@@ -105,7 +105,7 @@ impl std::fmt::Display for Claims {
 }
 
 /// Of decays with a noise so many times the usual one: what is told instead of a zero, all that is told, and the vertex with the
-/// jitter of its own curvature in the place of the former.
+/// jitter of its own curvature instead of the former.
 fn claims(
     times: f64,
     least: f64,

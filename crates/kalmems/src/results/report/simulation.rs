@@ -76,7 +76,7 @@ pub enum SimulationWriteError {
 /// Runs a simulation and writes it into a result.
 ///
 /// `recording.csv` has what a laboratory would have recorded and `reference.csv` the true motion; `experiment.toml`
-/// is the experiment with this recording in the place of its own, ready to be estimated; `run.toml` says what it was
+/// is the experiment with this recording instead of its own, ready to be estimated; `run.toml` says what it was
 /// made from; `report.html` shows it. Samples are written as they come. The rig, which made the simulation, simulates the beginning again in
 /// steps of half the length, to say what these change.
 pub fn write_simulation(
