@@ -2,7 +2,7 @@
 
 use crate::devices::{Device, Setting};
 use kalmems::config::Experiment;
-use kalmems::estimate::Trajectory;
+use kalmems::estimate::{Trajectory, TrajectoryKind};
 use kalmems::progress::Silent;
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, WhiteNoise, described};
@@ -168,7 +168,8 @@ fn sampled(experiment: &Experiment, all: &ComputedRecording, seed: u64) -> Sampl
     let (mut found, rows) = (Sampled { smoothed: Vec::new(), pairs: Vec::new() }, filter.time_s.len());
     // Another place in each run, behind the start.
     let place = rows / 20 + (usize::try_from(seed).unwrap() * 7919) % (rows * 9 / 10);
-    for smoother in smoothers {
+    // Another filter of the experiment is no smoother.
+    for smoother in smoothers.iter().filter(|one| one.kind == TrajectoryKind::Smoothed) {
         assert!(smoother.failure.is_none(), "{}: {:?}", experiment.name, smoother.failure);
         for (state, filtered) in smoother.states.iter().zip(&filter.states) {
             let column = format!("{}_{}", state.name, state.unit);
