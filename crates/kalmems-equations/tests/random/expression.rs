@@ -1,6 +1,6 @@
 //! An expression, as a text and as numbers of any kind.
 
-use kalmems_core::{Mask, Scalar};
+use kalmems_core::Scalar;
 use kalmems_models::capacitance::{CombCurve, CurveShape, GaussianComb};
 use proptest::prelude::*;
 use std::fmt::Write;
@@ -156,7 +156,7 @@ impl Expression {
             X::Floor(a) => floor(a.value(x)),
             X::Conditions([a, b, c, d, e, f, y, z]) => {
                 let is_below = |a: &Self, b: &Self| a.value(x).lt(b.value(x));
-                let holds = is_below(a, b).and(is_below(c, d).not()).or(is_below(f, e));
+                let holds = (is_below(a, b) && !is_below(c, d)) || is_below(f, e);
                 S::select(holds, y.value(x), z.value(x))
             }
             X::Max(a, b) => {
