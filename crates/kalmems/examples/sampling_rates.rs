@@ -82,7 +82,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../book/src/figures");
     let mut panel = Panel::new(
         Axis::new("samples in a cycle", "").log(),
-        Axis::new("error of one step over the claimed standard deviation", "").log(),
+        Axis::new("error of single steps, in claimed sd", "").log(),
     );
     let mut table = String::from("| samples in a cycle |");
     let mut lines: Vec<String> = PER_CYCLE.iter().map(|n| format!("| {n} |")).collect();
