@@ -15,8 +15,9 @@ pub struct InnovationMoments {
     largest: (f64, f64),
 }
 
-/// Standard deviations by which the mean NIS of a careful filter is below 1: of a right one it is so once in 700 times.
-const CAREFUL: f64 = 3.0;
+/// Standard deviations by which the mean NIS of a careful filter is below 1: the lower end of its 95 % interval, below which that of a right one is
+/// once in forty times.
+const CAREFUL: f64 = 1.96;
 
 /// Fewer values say nothing of the shape of a distribution; the approximations below hold from here on.
 const FEWEST: f64 = 200.0;
