@@ -134,8 +134,9 @@ impl LikelihoodOutcome<'_> {
             let unit = unit.unwrap_or(units::Unit::ONE);
             let value = number.written * unit.factor() * Scalar::exp(*size);
             let mut interval = [-below, above].map(|by| value * Scalar::exp(by));
-            // The end of a search is no value.
-            let value = if sd.is_finite() { value } else { f64::NAN };
+            // The end of a search is no value; what the innovations contradict is one that cannot be relied on.
+            let is_found = sd.is_finite() || self.is_contradicted(index);
+            let value = if is_found { value } else { f64::NAN };
             interval.sort_by(f64::total_cmp);
             found.parameters.push(Identified {
                 name: suspect.name(),
