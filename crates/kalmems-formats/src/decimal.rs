@@ -19,10 +19,12 @@ impl Shift {
     }
 
     /// The number times the power of ten. NaN and infinities stay as they are; what is too large is infinite.
+    #[inline]
     pub fn float(&mut self, number: f64) -> f64 {
-        if self.power == 0 || number == 0.0 || !number.is_finite() {
-            return number;
-        }
+        if self.power == 0 || number == 0.0 || !number.is_finite() { number } else { self.shifted(number) }
+    }
+
+    fn shifted(&mut self, number: f64) -> f64 {
         let text = self.shortest.format_finite(number);
         // As the reader of text does, and as it does, only where the rounding is sure.
         if let Some((shifted, end)) = quick(text.as_bytes(), 0, b'.', self.power)

@@ -5,7 +5,7 @@ use super::engine::Filtering;
 use super::gate::{Decisions, SampleGate};
 use super::phase_prediction::{PhasePredictor, SizedStatePropagation, StatePropagation};
 use super::step_watch::{STEP_ERROR_SAMPLES, StepFigure, StepWatch};
-use super::transition::{Sensor, Transition};
+use super::transition::{KeptSensor, Sensor, Transition};
 use kalmems_core::{FilterError, Gaussian, Innovation, StateTransition};
 
 /// A filter that remembers how its state depends on the state before a few predictions: what a smoother needs.
@@ -107,7 +107,11 @@ impl<const N: usize> LinkedFilter<N> {
 
 impl<const N: usize> LinkedFilter<N> {
     /// Takes the mean that a correction has led to.
-    fn corrected(&mut self, sensor: &dyn Sensor, innovation: &Result<Innovation<f64, 1>, FilterError>) {
+    fn corrected(
+        &mut self,
+        sensor: &KeptSensor<'_, N>,
+        innovation: &Result<Innovation<f64, 1>, FilterError>,
+    ) {
         let mean = self.filter.mean();
         if let (Some(steps), Ok(innovation)) = (&mut self.steps, innovation) {
             steps.correct(sensor, (&self.mean, &mean), innovation.residual[0]);
@@ -150,8 +154,9 @@ impl<const N: usize> Filtering for LinkedFilter<N> {
         variance: f64,
         largest_nis: f64,
     ) -> Result<Innovation<f64, 1>, FilterError> {
-        let innovation = self.filter.correct(sensor, y, variance, largest_nis);
-        self.corrected(sensor, &innovation);
+        let sensor = KeptSensor::new(sensor);
+        let innovation = self.filter.correct(&sensor, y, variance, largest_nis);
+        self.corrected(&sensor, &innovation);
         innovation
     }
 
@@ -166,8 +171,9 @@ impl<const N: usize> Filtering for LinkedFilter<N> {
         let correct = |sensor: &dyn Sensor, y: f64, variance: f64, largest: f64| {
             filter.correct(sensor, y, variance, largest)
         };
-        let innovation = watch.take(signal, (sensor, y, variance), correct);
-        self.corrected(sensor, &innovation);
+        let sensor = KeptSensor::new(sensor);
+        let innovation = watch.take(signal, (&sensor, y, variance), correct);
+        self.corrected(&sensor, &innovation);
         innovation
     }
 

@@ -1,7 +1,7 @@
 //! How far the steps between samples lead a filter astray, in units of what it claims.
 
 use super::engine::{Course, Filtering};
-use super::transition::{Sensor, Transition, TransitionProcess};
+use super::transition::{KeptSensor, Transition, TransitionProcess};
 use super::{SampleCounts, SampleSelection};
 use kalmems_core::{Covariance, Mat, NumericProcess};
 use std::iter::successors;
@@ -130,7 +130,7 @@ impl<const N: usize> StepWatch<N> {
     /// A correction from one mean to another, for an innovation.
     pub(super) fn correct(
         &mut self,
-        sensor: &dyn Sensor,
+        sensor: &KeptSensor<'_, N>,
         (from, to): (&[f64; N], &[f64; N]),
         innovation: f64,
     ) {
@@ -138,8 +138,7 @@ impl<const N: usize> StepWatch<N> {
         if !self.is_needed || from == to || innovation == 0.0 {
             return;
         }
-        let mut slopes = [0.0; N];
-        sensor.linearize(from, &mut slopes);
+        let slopes = sensor.slopes_at(from);
         for difference in [&mut self.difference, &mut self.of_longer_steps] {
             let share = product(&slopes, difference) / innovation;
             for i in 0..N {

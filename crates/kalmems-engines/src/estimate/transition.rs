@@ -8,6 +8,7 @@ use kalmems_core::filter::Pole;
 use kalmems_core::{
     Covariance, Mat, Measurement, NumericMeasurement, NumericProcess, Process, ProcessNoise, Scalar,
 };
+use std::cell::Cell;
 
 /// A step x′ = f(x) + w from one sample to the next, what drives it included.
 ///
@@ -62,6 +63,42 @@ pub trait Sensor {
 
     /// h(x), and ∂h/∂x.
     fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64;
+}
+
+/// A sensor that keeps where it was linearised last: who needs the slopes of a filter's correction once more need not have them computed again.
+pub(super) struct KeptSensor<'a, const N: usize> {
+    sensor: &'a dyn Sensor,
+    /// The state, and the slopes there.
+    last: Cell<Option<([f64; N], [f64; N])>>,
+}
+
+impl<'a, const N: usize> KeptSensor<'a, N> {
+    pub(super) const fn new(sensor: &'a dyn Sensor) -> Self {
+        Self { sensor, last: Cell::new(None) }
+    }
+
+    /// ∂h/∂x at a state.
+    pub(super) fn slopes_at(&self, x: &[f64; N]) -> [f64; N] {
+        if let Some((_, slopes)) = self.last.get().filter(|(at, _)| at == x) {
+            return slopes;
+        }
+        let mut slopes = [0.0; N];
+        self.sensor.linearize(x, &mut slopes);
+        slopes
+    }
+}
+
+impl<const N: usize> Sensor for KeptSensor<'_, N> {
+    fn read(&self, x: &[f64]) -> f64 {
+        self.sensor.read(x)
+    }
+
+    fn linearize(&self, x: &[f64], slopes: &mut [f64]) -> f64 {
+        let value = self.sensor.linearize(x, slopes);
+        let all = <&[f64; N]>::try_from(x).ok().zip(<&[f64; N]>::try_from(&*slopes).ok());
+        self.last.set(all.map(|(x, slopes)| (*x, *slopes)));
+        value
+    }
 }
 
 /// A process of the core with its input as a [`Transition`].

@@ -175,12 +175,17 @@ impl Rails {
             }
         }
         self.hear_stuck();
-        let numbers = || fresh.iter().copied().filter(|v| !v.is_nan());
-        let (Some(low), Some(high)) = (numbers().reduce(f64::min), numbers().reduce(f64::max)) else {
+        let (mut low, mut high, mut numbers) = (f64::INFINITY, f64::NEG_INFINITY, 0);
+        for value in fresh.iter().filter(|value| !value.is_nan()) {
+            low = if *value < low { *value } else { low };
+            high = if *value > high { *value } else { high };
+            numbers += 1;
+        }
+        if numbers == 0 {
             self.meet(part, lines);
             return;
-        };
-        self.numbers = self.numbers.saturating_add(numbers().count());
+        }
+        self.numbers = self.numbers.saturating_add(numbers);
         let (lowest, highest) = self.segment.extremes.unwrap_or((low, high));
         self.segment.extremes = Some((lowest.min(low), highest.max(high)));
         let [bottom, top] = self.sides.get_or_insert_with(|| [Rail::new(low), Rail::new(high)]);
@@ -192,7 +197,7 @@ impl Rails {
         }
         for rail in [bottom, top] {
             let before = rail.near.step;
-            numbers().for_each(|value| rail.near.take(rail.level, value));
+            fresh.iter().filter(|value| !value.is_nan()).for_each(|value| rail.near.take(rail.level, *value));
             if rail.near.step < before {
                 rail.decide();
             }

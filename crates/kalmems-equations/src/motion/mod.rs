@@ -341,6 +341,10 @@ impl Motion {
 #[inline(always)]
 #[allow(clippy::inline_always)] // its size is known where it is called, and not to a function of its own
 pub(crate) fn padded<const N: usize>(x: &[f64], count: usize) -> [f64; N] {
+    // A copy of so many numbers as are known needs no call.
+    if let Some(whole) = x.first_chunk().filter(|_| count >= N) {
+        return *whole;
+    }
     let mut padded = [0.0; N];
     let count = count.min(N).min(x.len());
     padded[..count].copy_from_slice(&x[..count]);

@@ -52,13 +52,13 @@ impl Motion {
         jacobian: &mut [f64],
     ) -> bool {
         let Some(matrices) = tables.of::<N>() else { return false };
-        let bent = &*tables.bent;
+        let bent = tables.bent_rows::<N>();
         self.begin(work, x);
         let at = padded::<N>(x, self.states);
         let (mut of_states, mut of_parameters) = (Slopes::<N, N>::NONE, Slopes::<N, F>::NONE);
 
         Program::set_inputs(work, inputs.start);
-        let (rate, linear) = self.stage::<N, F, LINEAR>(work, &at, true);
+        let (rate, linear) = self.stage::<N, F, LINEAR>(work, bent, &at, true);
         if LINEAR {
             of_states.begin(&matrices, bent, &linear.slopes, Some(matrices.straight_to_middle()));
             of_parameters.begin(&matrices, bent, &linear.by_parameter, None);
@@ -66,7 +66,7 @@ impl Motion {
         let first = times(matrices.to_middle(), &rate);
 
         Program::set_inputs(work, inputs.middle);
-        let (there, linear) = self.stage::<N, F, LINEAR>(work, &sum(&at, &first), true);
+        let (there, linear) = self.stage::<N, F, LINEAR>(work, bent, &sum(&at, &first), true);
         let bend_a = bend(&matrices, bent, (&there, &rate), &first);
         let second = sum(&first, &times_bent(matrices.bend_to_middle(), bent, &bend_a));
         if LINEAR {
@@ -74,7 +74,7 @@ impl Motion {
             of_parameters.middle(&matrices, bent, &linear.slopes, &linear.by_parameter);
         }
 
-        let (there, linear) = self.stage::<N, F, LINEAR>(work, &sum(&at, &second), false);
+        let (there, linear) = self.stage::<N, F, LINEAR>(work, bent, &sum(&at, &second), false);
         let bend_b = bend(&matrices, bent, (&there, &rate), &second);
         let straight = times(matrices.to_end(), &rate);
         let third = sum(&straight, &times_bent(matrices.bend_to_end(), bent, &bend_b));
@@ -84,7 +84,7 @@ impl Motion {
         }
 
         Program::set_inputs(work, inputs.end);
-        let (there, linear) = self.stage::<N, F, LINEAR>(work, &sum(&at, &third), true);
+        let (there, linear) = self.stage::<N, F, LINEAR>(work, bent, &sum(&at, &third), true);
         let bend_c = bend(&matrices, bent, (&there, &rate), &third);
         let middles = times_bent(matrices.bend_of_middles(), bent, &sum(&bend_a, &bend_b));
         let end = times_bent(matrices.bend_of_end(), bent, &bend_c);
@@ -129,14 +129,15 @@ impl Motion {
     fn stage<const N: usize, const F: usize, const LINEAR: bool>(
         &self,
         work: &mut ProgramNumbers,
+        bent: &[bool; N],
         x: &[f64; N],
         new_inputs: bool,
     ) -> ([f64; N], StageJacobians<N, F>) {
         let (mut rates, mut linear) = ([0.0; N], StageJacobians::NONE);
         if LINEAR {
             self.program.stage(work, x, new_inputs);
-            take(work, &self.slopes, linear.slopes.as_flattened_mut());
-            take(work, &self.by_parameter, linear.by_parameter.as_flattened_mut());
+            take_rows(work, &self.slopes, bent, &mut linear.slopes);
+            take_rows(work, &self.by_parameter, &[true; N], &mut linear.by_parameter);
         } else {
             self.program.first_stage(work, x, new_inputs);
         }
@@ -145,13 +146,30 @@ impl Motion {
     }
 }
 
-/// Registers, one number after the other. A loop with an index is inlined, and an adapter of iterators is a call.
+/// As many registers as there are numbers. A loop with an index is inlined, and an adapter of iterators is a call.
 #[inline(always)]
-fn take(work: &ProgramNumbers, registers: &[u16], to: &mut [f64]) {
-    let count = registers.len().min(to.len());
-    let (registers, to) = (&registers[..count], &mut to[..count]);
-    for k in 0..count {
+fn take<const N: usize>(work: &ProgramNumbers, registers: &[u16], to: &mut [f64; N]) {
+    let Some(registers) = registers.first_chunk::<N>() else { return };
+    for k in 0..N {
         to[k] = work.get(registers[k]);
+    }
+}
+
+/// Registers row by row, of the rows that are wanted.
+#[inline(always)]
+fn take_rows<const N: usize, const M: usize>(
+    work: &ProgramNumbers,
+    registers: &[u16],
+    wanted: &[bool; N],
+    to: &mut [[f64; M]; N],
+) {
+    if M == 0 {
+        return;
+    }
+    for r in 0..N {
+        if wanted[r] {
+            take(work, registers.get(r * M..).unwrap_or_default(), &mut to[r]);
+        }
     }
 }
 
@@ -190,9 +208,12 @@ fn times<const N: usize>(matrix: &[[f64; N]; N], v: &[f64; N]) -> [f64; N] {
 
 /// A matrix times a vector that is zero but in these rows.
 #[inline(always)]
-fn times_bent<const N: usize>(matrix: &[[f64; N]; N], bent: &[usize], v: &[f64; N]) -> [f64; N] {
+fn times_bent<const N: usize>(matrix: &[[f64; N]; N], bent: &[bool; N], v: &[f64; N]) -> [f64; N] {
     let mut product = [0.0; N];
-    for &r in bent.iter().filter(|r| **r < N) {
+    for r in 0..N {
+        if !bent[r] {
+            continue;
+        }
         for i in 0..N {
             product[i] += matrix[i][r] * v[r];
         }
@@ -204,12 +225,15 @@ fn times_bent<const N: usize>(matrix: &[[f64; N]; N], bent: &[usize], v: &[f64; 
 #[inline(always)]
 fn bend<const N: usize>(
     matrices: &StepMatrices<'_, N>,
-    bent: &[usize],
+    bent: &[bool; N],
     (there, here): (&[f64; N], &[f64; N]),
     by: &[f64; N],
 ) -> [f64; N] {
     let mut bend = [0.0; N];
-    for &r in bent.iter().filter(|r| **r < N) {
+    for r in 0..N {
+        if !bent[r] {
+            continue;
+        }
         let row = &matrices.linear()[r];
         let mut described = row[0] * by[0];
         for j in 1..N {
@@ -241,7 +265,7 @@ impl<const N: usize, const M: usize> Slopes<N, M> {
     fn begin(
         &mut self,
         matrices: &StepMatrices<'_, N>,
-        bent: &[usize],
+        bent: &[bool; N],
         direct: &[[f64; M]; N],
         of_states: Option<&[[f64; N]; N]>,
     ) {
@@ -253,7 +277,10 @@ impl<const N: usize, const M: usize> Slopes<N, M> {
                     self.straight[i][j] = matrices.straight_to_end()[i][j];
                 }
             }
-            for &r in bent.iter().filter(|r| **r < N) {
+            for r in 0..N {
+                if !bent[r] {
+                    continue;
+                }
                 let mut more = [0.0; M];
                 for j in 0..N.min(M) {
                     more[j] = direct[r][j] - matrices.linear()[r][j];
@@ -295,12 +322,15 @@ impl<const N: usize, const M: usize> Slopes<N, M> {
     fn middle(
         &mut self,
         matrices: &StepMatrices<'_, N>,
-        bent: &[usize],
+        bent: &[bool; N],
         slopes: &[[f64; N]; N],
         direct: &[[f64; M]; N],
     ) {
         let mut way = self.way;
-        for &r in bent.iter().filter(|r| **r < N) {
+        for r in 0..N {
+            if !bent[r] {
+                continue;
+            }
             let bend = self.bend(matrices, r, slopes, direct);
             add(&mut way, matrices.bend_to_middle(), r, &bend);
             self.bends[r] = bend;
@@ -312,12 +342,15 @@ impl<const N: usize, const M: usize> Slopes<N, M> {
     fn second_middle(
         &mut self,
         matrices: &StepMatrices<'_, N>,
-        bent: &[usize],
+        bent: &[bool; N],
         slopes: &[[f64; N]; N],
         direct: &[[f64; M]; N],
     ) {
         let mut way = self.straight;
-        for &r in bent.iter().filter(|r| **r < N) {
+        for r in 0..N {
+            if !bent[r] {
+                continue;
+            }
             let bend = self.bend(matrices, r, slopes, direct);
             add(&mut way, matrices.bend_to_end(), r, &bend);
             for column in 0..M {
@@ -331,11 +364,14 @@ impl<const N: usize, const M: usize> Slopes<N, M> {
     fn end(
         &mut self,
         matrices: &StepMatrices<'_, N>,
-        bent: &[usize],
+        bent: &[bool; N],
         slopes: &[[f64; N]; N],
         direct: &[[f64; M]; N],
     ) {
-        for &r in bent.iter().filter(|r| **r < N) {
+        for r in 0..N {
+            if !bent[r] {
+                continue;
+            }
             let bend = self.bend(matrices, r, slopes, direct);
             add(&mut self.straight, matrices.bend_of_middles(), r, &self.bends[r]);
             add(&mut self.straight, matrices.bend_of_end(), r, &bend);

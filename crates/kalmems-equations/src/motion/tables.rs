@@ -1,6 +1,6 @@
 //! What a step over one interval needs beside the equations: the matrices of its linear part.
 
-use super::{Motion, SIZES};
+use super::{MOST_STATES, Motion, SIZES};
 use kalmems_core::{EtdWeights, Mat};
 
 /// The matrices of [`EtdWeights`] for one motion, one linear part and one interval, of the size that its step is compiled for.
@@ -10,8 +10,9 @@ use kalmems_core::{EtdWeights, Mat};
 pub struct StepTables {
     interval: f64,
     is_runge_kutta: bool,
-    /// The rows of the rates that the linear part does not describe whole.
-    pub(super) bent: Vec<usize>,
+    /// Of each row of the rates, whether the linear part does not describe it whole. A list of such rows would be a loop of a length that is not
+    /// known when a step is compiled.
+    bent: [bool; MOST_STATES],
     /// [`MATRICES`] matrices, one behind the other, row by row.
     matrices: Vec<f64>,
 }
@@ -70,7 +71,7 @@ impl StepTables {
         Self {
             interval: 0.0,
             is_runge_kutta: false,
-            bent: Vec::new(),
+            bent: [false; MOST_STATES],
             matrices: vec![0.0; MATRICES * size * size],
         }
     }
@@ -78,6 +79,13 @@ impl StepTables {
     /// Whether they are those of Runge and Kutta's method, without a linear part.
     pub(super) const fn is_runge_kutta(&self) -> bool {
         self.is_runge_kutta
+    }
+
+    /// Of each row of the rates, whether the linear part does not describe it whole.
+    #[inline]
+    pub(super) fn bent_rows<const N: usize>(&self) -> &[bool; N] {
+        const { assert!(N <= MOST_STATES, "there are no more rows") };
+        self.bent.first_chunk().unwrap_or(&[false; N])
     }
 
     /// The matrices for a step of N states; `None` for those of another size.
@@ -121,8 +129,9 @@ impl Motion {
             known.copied().filter(|slope| slope.is_finite()).unwrap_or(0.0)
         };
         (tables.interval, tables.is_runge_kutta) = (interval, false);
-        tables.bent.clear();
-        tables.bent.extend(self.bent.iter().copied());
+        for (row, bends) in tables.bent.iter_mut().enumerate() {
+            *bends = self.bent.contains(&row);
+        }
         macro_rules! by_size {
             ($($size:literal)+) => {
                 match self.size {
@@ -148,8 +157,9 @@ impl Motion {
             return;
         }
         (tables.interval, tables.is_runge_kutta) = (interval, true);
-        tables.bent.clear();
-        tables.bent.extend(0..self.states);
+        for (row, bends) in tables.bent.iter_mut().enumerate() {
+            *bends = row < self.states;
+        }
         tables.matrices.fill(0.0);
         let shares = [0.0, 0.5, 0.5, 1.0, 1.0, 1.0 / 3.0, 1.0 / 6.0];
         for (matrix, share) in tables.matrices.chunks_exact_mut(self.size * self.size).zip(shares) {

@@ -128,8 +128,11 @@ impl Program {
 
     #[inline]
     fn put(work: &mut ProgramNumbers, start: usize, values: &[f64]) {
-        if let Some(registers) = work.registers.get_mut(start..start + values.len()) {
-            registers.copy_from_slice(values);
+        let Some(registers) = work.registers.get_mut(start..start + values.len()) else { return };
+        match (registers, values) {
+            // Most devices have one input, for which a copy of any length would be a call.
+            ([register], [value]) => *register = *value,
+            (registers, values) => registers.copy_from_slice(values),
         }
     }
 

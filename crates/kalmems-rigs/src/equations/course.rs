@@ -7,7 +7,7 @@ use super::events::FilterEventUse;
 use super::input_part::input_part_slopes;
 use super::interpolation::Interpolation;
 use super::kinks::KinkSteps;
-use super::model::{EquationModel, Interval, MeasurementUnderInputs};
+use super::model::{EquationModel, Interval, MeasurementUnderInputs, StepRoom};
 use super::names;
 use super::phases::PhaseCourse;
 use crate::config::Variant;
@@ -114,6 +114,7 @@ pub struct EquationCourse<'a> {
     further: Vec<[f64; 2]>,
     /// The inputs at the start, in the middle and at the end of a step; kept, so that none is allocated for each.
     nodes: [Vec<f64>; 3],
+    room: StepRoom,
     /// What happened, by the row at which the filter is told or judged, and the way back to it.
     told: Vec<(usize, EventMeasurement)>,
     way: BackwardInterval,
@@ -166,6 +167,7 @@ impl<'a> EquationCourse<'a> {
             kinks: model.has_kinks().then(|| KinkSteps::new(data.samples.interval_s)),
             further: Vec::new(),
             nodes,
+            room: StepRoom::default(),
             told,
             way,
             late_s: Vec::new(),
@@ -417,7 +419,8 @@ impl Course for EquationCourse<'_> {
                 _ => SegmentDrive::nodes_of_part(&between.nodes(input, to), step, steps),
             });
             let [start, middle, end] = &self.nodes;
-            let under = self.model.under(each, Nodes { start, middle, end }, filter.mean());
+            let nodes: Nodes<&[f64]> = Nodes { start, middle, end };
+            let under = self.model.under(each, nodes, filter.mean(), &mut self.room);
             filter.predict(&under)?;
         }
         Ok(())

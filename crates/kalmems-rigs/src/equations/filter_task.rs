@@ -2,7 +2,7 @@
 
 use super::course::{EquationCourse, EquationSegment};
 use super::filter_settings::EquationFilterSettings;
-use super::model::{EquationModel, Interval};
+use super::model::{EquationModel, Interval, StepRoom};
 use super::own_device::OwnDevice;
 use super::own_filter::OwnFilter;
 use super::phase_lock::{LoopOf, phase_lock};
@@ -244,6 +244,7 @@ pub fn under_no_input<R>(
 ) -> R {
     let interval = Interval::of(interval_s);
     let inputs = vec![0.0; own.device.inputs().len()];
-    let step = model.under(&interval, Nodes::held(&inputs), mean);
+    let mut room = StepRoom::default();
+    let step = model.under(&interval, Nodes::held(&inputs), mean, &mut room);
     made(&step, &model.sensor(measure, &inputs))
 }

@@ -1,6 +1,6 @@
 //! Steps through kinks: as many as a sample needs.
 
-use super::model::{EquationModel, Interval, chain, set_part};
+use super::model::{EquationModel, Interval, StepRoom, chain, set_part};
 use crate::estimate::{Filtering, SampleCounts, Transition};
 use kalmems_core::{FilterError, Nodes};
 use kalmems_equations::MOST_STATES;
@@ -38,13 +38,14 @@ struct Led {
     noise: Vec<f64>,
 }
 
-/// Room for the Jacobian of one step, the covariance of its noise and the root of that, and a product.
+/// Room for the Jacobian of one step, the covariance of its noise and the root of that, a product, and what the step takes of its mean.
 #[derive(Default)]
 struct OneStep {
     slopes: Vec<f64>,
     noise: Vec<f64>,
     root: Vec<f64>,
     product: Vec<f64>,
+    room: StepRoom,
 }
 
 impl OneStep {
@@ -90,7 +91,7 @@ impl KinkSteps {
         }
         counts.unresolved_kinks += usize::from(!alike);
         each_step(intervals, (inputs, doublings), |interval, nodes| {
-            let step = model.under(interval, nodes, filter.mean());
+            let step = model.under(interval, nodes, filter.mean(), &mut one.room);
             filter.predict(&step)
         })
     }
@@ -119,7 +120,7 @@ impl Led {
         // It has no end of its own.
         let _ = each_step(intervals, inputs, |interval, nodes| -> Result<(), FilterError> {
             let mut next = [0.0; MOST_STATES];
-            let step = model.under(interval, nodes, &self.mean);
+            let step = model.under(interval, nodes, &self.mean, &mut one.room);
             step.linearize(&self.mean, &mut next[..n], &mut one.slopes);
             chain(&mut self.slopes, &one.slopes, n, n);
             step.noise(&mut one.noise, &mut one.root);

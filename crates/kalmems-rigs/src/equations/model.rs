@@ -379,34 +379,32 @@ impl EquationModel {
         let Some((_, reading, at_rest)) = self.varying.measures.iter().find(|(of, ..)| *of == measure) else {
             return 1.0;
         };
-        let valued = self.valued(mean);
-        let x = valued.get(..mean.len()).unwrap_or_default();
-        reading.borrow_mut().read(x, inputs) / at_rest
+        self.with_values(mean, |x| reading.borrow_mut().read(x, inputs)) / at_rest
     }
 
-    /// This step under inputs, from a state with this mean: whole turns of what comes round are taken off.
+    /// This step under inputs, from a state with this mean: whole turns of what comes round are taken off. What of the mean it needs is kept in
+    /// `room`.
     pub fn under<'a>(
         &'a self,
         interval: &'a Interval,
         inputs: Nodes<&'a [f64]>,
         mean: &[f64],
+        room: &'a mut StepRoom,
     ) -> UnderInputs<'a> {
-        let mut turns = [0.0; MOST_STATES];
         for (state, period) in &self.periods {
-            if let Some((turn, at)) = turns.get_mut(*state).zip(mean.get(*state)) {
+            if let Some((turn, at)) = room.turns.get_mut(*state).zip(mean.get(*state)) {
                 *turn = period * (at / period).floor();
             }
         }
         let linearised = self.linearised(interval, mean);
-        let mut sizes = [0.0; MOST_STATES];
         if !self.varying.rates.is_empty() {
-            let valued = self.valued(mean);
-            let x = valued.get(..mean.len()).unwrap_or_default();
-            for (size, (_, reading)) in sizes.iter_mut().zip(&self.varying.rates) {
-                *size = reading.borrow_mut().read(x, inputs.start);
-            }
+            self.with_values(mean, |x| {
+                for (size, (_, reading)) in room.sizes.iter_mut().zip(&self.varying.rates) {
+                    *size = reading.borrow_mut().read(x, inputs.start);
+                }
+            });
         }
-        UnderInputs { model: self, length_s: interval.length_s, linearised, inputs, turns, sizes }
+        UnderInputs { model: self, length_s: interval.length_s, linearised, inputs, room }
     }
 
     /// A measurement under inputs.
@@ -498,6 +496,14 @@ impl EquationModel {
     /// The states with the values of the parameters behind them.
     pub fn valued(&self, x: &[f64]) -> StateNumbers {
         valued(x, self.moving(), &self.free)
+    }
+
+    /// Does something with these: with the states as they are where no parameter is one.
+    fn with_values<R>(&self, x: &[f64], with: impl FnOnce(&[f64]) -> R) -> R {
+        if self.free.is_empty() {
+            return with(x);
+        }
+        with(self.valued(x).get(..x.len()).unwrap_or_default())
     }
 
     /// The places of the quantities that follow from stated parameters alone, of which nothing is estimated.
@@ -598,6 +604,14 @@ pub struct UnderInputs<'a> {
     length_s: f64,
     linearised: Rc<Linearised>,
     inputs: Nodes<&'a [f64]>,
+    room: &'a StepRoom,
+}
+
+/// What a step takes of the mean that it begins from. It is kept by who takes the steps: most devices have nothing of it, and as a part of each step it
+/// would be written and moved for each of them.
+#[derive(Default)]
+pub struct StepRoom {
+    /// The whole turns of what comes round, by the places of the states.
     turns: StateNumbers,
     /// The densities of the rates whose noise varies.
     sizes: StateNumbers,
@@ -641,14 +655,14 @@ impl UnderInputs<'_> {
             }
             return self.concluded(Some(to.iter().all(|x| x.is_finite())), x, to);
         }
-        let valued = model.valued(x);
-        let Some(at) = valued.get(..x.len()) else { return };
-        let finite = model.with_work(0, |work| match model.rule {
-            StepRule::Exponential => {
-                let part = (&self.inputs, &self.linearised.tables, self.length_s);
-                self.by_exponential(work, at, part, to, jacobian)
-            }
-            StepRule::Euler => self.by_euler(work, at, to, jacobian),
+        let finite = model.with_values(x, |at| {
+            model.with_work(0, |work| match model.rule {
+                StepRule::Exponential => {
+                    let part = (&self.inputs, &self.linearised.tables, self.length_s);
+                    self.by_exponential(work, at, part, to, jacobian)
+                }
+                StepRule::Euler => self.by_euler(work, at, to, jacobian),
+            })
         });
         self.concluded(finite, x, to);
     }
@@ -691,7 +705,7 @@ impl UnderInputs<'_> {
         }
         for (state, _) in &self.model.periods {
             if let Some(to) = to.get_mut(*state) {
-                *to -= self.turns[*state];
+                *to -= self.room.turns[*state];
             }
         }
         if !self.model.free.is_empty() {
@@ -790,17 +804,17 @@ impl Transition for UnderInputs<'_> {
         if !model.divides() {
             return false;
         }
-        let valued = model.valued(x);
-        let Some(at) = valued.get(..x.len()) else { return false };
         let tables = model.half(&self.linearised);
         let mut middle = [0.0; MOST_STATES];
         let Some(middle) = middle.get_mut(..x.len()) else { return false };
-        let finite = model.with_work(0, |work| {
-            let (mut nodes, length_s) = ([[0.0; MOST_STATES]; 3], 0.5 * self.length_s);
-            let first = (&self.inputs_of_part(0, 2, &mut nodes), tables, length_s);
-            let first = self.by_exponential(work, at, first, middle, &mut []);
-            let second = (&self.inputs_of_part(1, 2, &mut nodes), tables, length_s);
-            first && self.by_exponential(work, middle, second, to, &mut [])
+        let finite = model.with_values(x, |at| {
+            model.with_work(0, |work| {
+                let (mut nodes, length_s) = ([[0.0; MOST_STATES]; 3], 0.5 * self.length_s);
+                let first = (&self.inputs_of_part(0, 2, &mut nodes), tables, length_s);
+                let first = self.by_exponential(work, at, first, middle, &mut []);
+                let second = (&self.inputs_of_part(1, 2, &mut nodes), tables, length_s);
+                first && self.by_exponential(work, middle, second, to, &mut [])
+            })
         });
         self.concluded(finite, x, to);
         true
@@ -827,7 +841,7 @@ impl Transition for UnderInputs<'_> {
 
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
         if !self.model.varying.rates.is_empty() {
-            let of = (&*self.linearised, &self.sizes);
+            let of = (&*self.linearised, &self.room.sizes);
             return match self.model.moving() {
                 0..=2 => self.model.write_varying::<2>(of, covariance, root),
                 3..=4 => self.model.write_varying::<4>(of, covariance, root),
@@ -858,9 +872,8 @@ impl MeasurementUnderInputs<'_> {
         x: &[f64],
         with: impl FnOnce(&ReadoutProgram, &mut ProgramNumbers, &[f64]) -> R,
     ) -> Option<R> {
-        let valued = self.model.valued(x);
-        let (readout, x) = self.model.readouts.get(self.measure).zip(valued.get(..x.len()))?;
-        self.model.with_work(self.measure + 1, |work| with(readout, work, x))
+        let readout = self.model.readouts.get(self.measure)?;
+        self.model.with_values(x, |x| self.model.with_work(self.measure + 1, |work| with(readout, work, x)))
     }
 }
 

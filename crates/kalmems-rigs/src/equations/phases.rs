@@ -2,7 +2,7 @@
 
 use super::course::{EquationSegment, set_nodes};
 use super::interpolation::Interpolation;
-use super::model::{EquationModel, Interval};
+use super::model::{EquationModel, Interval, StepRoom};
 use super::settings::EquationSettings;
 use super::table::EquationsTable;
 use crate::config::{ConfigError, ConfigFault, Experiment, Key};
@@ -125,6 +125,7 @@ impl StatePropagation for ContinuedInputs<'_> {
             between.between_ends(SegmentDrive::nodes_from_sine(sine, at(step), at(step + 1.0)))
         });
         let [start, middle, end] = &*nodes;
-        with(&self.model.under(self.usual, Nodes { start, middle, end }, self.mean));
+        let mut room = StepRoom::default();
+        with(&self.model.under(self.usual, Nodes { start, middle, end }, self.mean, &mut room));
     }
 }

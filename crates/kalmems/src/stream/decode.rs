@@ -285,7 +285,9 @@ fn frames(
     let mut from = 0;
     loop {
         let rest = bytes.get(from..).unwrap_or_default();
-        let is_one = |frame: &&[u8]| frame.starts_with(sync) && !rest.starts_with(END_MARK);
+        // The first byte tells most frames from the mark, without a call.
+        let ends = rest.first() == END_MARK.first() && rest.starts_with(END_MARK);
+        let is_one = |frame: &&[u8]| frame.starts_with(sync) && !ends;
         let Some(frame) = rest.get(..length).filter(is_one) else {
             // The mark of the end is waited for, though it is shorter than a frame.
             if !may_become(rest, sync) && !may_become(rest, END_MARK) {
@@ -293,7 +295,7 @@ fn frames(
                 from += 1;
                 continue;
             }
-            *is_ended = rest.starts_with(END_MARK);
+            *is_ended = ends;
             return from;
         };
         if crc.is_some_and(|crc| !is_intact(&frame[sync.len()..], crc)) {
