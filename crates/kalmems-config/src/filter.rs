@@ -95,8 +95,8 @@ pub struct FilterTable {
     #[schemars(example = &"2 kHz")]
     pub observer_bandwidth: Option<Quantity<Frequency, Positive>>,
     /// How many steps the filter takes from each sample to the next, from 1 to 1024. If left out they are planned on the first 4096 samples
-    /// of each segment, so that what they are off by stays below a fiftieth of the claimed standard deviation. Not for a device whose step is
-    /// exact, and not for `euler_ekf`.
+    /// of each segment, so that what they are off by stays below a fiftieth of the claimed standard deviation. It has no effect on a device
+    /// whose step is exact or whose equations have kinks, and on `euler_ekf`.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "few_steps")]
     #[schemars(range(min = 1, max = 1024), example = &2)]
     pub steps: Option<u16>,

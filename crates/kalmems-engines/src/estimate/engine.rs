@@ -700,9 +700,9 @@ impl<const N: usize> FilterRun<N> {
         let mut signals = course.signals().into_iter();
         trajectory.signal_name = signals.next();
         trajectory.further = signals.map(|of| FurtherSignal::blank(of, n)).collect();
-        course.divide(self.steps);
+        let is_taken = course.divide(self.steps);
         let first_s = trajectory.time_s.first().copied().unwrap_or(f64::NAN);
-        trajectory.steps.change(first_s, self.steps);
+        trajectory.steps.begin(first_s, self.steps, is_taken);
         progress.begin(names.1, n as u64);
         let (started, mut pace) = (Instant::now(), Pace::default());
         let again = course.reacquisition();

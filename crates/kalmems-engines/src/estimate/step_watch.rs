@@ -221,36 +221,48 @@ pub struct StepError {
 
 /// How many steps lead from each sample to the next, sample by sample.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct StepCounts(Vec<(f64, usize)>);
+pub struct StepCounts {
+    /// From which sample on, by its time in s, there are how many.
+    changes: Vec<(f64, usize)>,
+    /// Whether the course takes these numbers.
+    are_taken: bool,
+}
 
 impl StepCounts {
+    /// So many on a course that takes such a number, or that does not.
+    pub(crate) fn begin(&mut self, from_s: f64, steps: usize, is_taken: bool) {
+        self.are_taken = is_taken;
+        self.change(from_s, steps);
+    }
+
     /// So many from the sample of this time in s on.
     pub(super) fn change(&mut self, from_s: f64, steps: usize) {
-        if self.0.last().is_none_or(|(_, last)| *last != steps) {
-            self.0.push((from_s, steps));
+        if self.changes.last().is_none_or(|(_, last)| *last != steps) {
+            self.changes.push((from_s, steps));
         }
     }
 
     /// Those to the sample of this time in s.
     pub(super) fn at(&self, time_s: f64) -> usize {
-        let next = self.0.partition_point(|(from_s, _)| *from_s <= time_s);
-        self.0.get(next.saturating_sub(1)).map_or(1, |(_, steps)| *steps)
+        let next = self.changes.partition_point(|(from_s, _)| *from_s <= time_s);
+        self.changes.get(next.saturating_sub(1)).map_or(1, |(_, steps)| *steps)
     }
 
-    /// Those to the last sample.
-    pub fn last(&self) -> usize {
-        self.0.last().map_or(1, |(_, steps)| *steps)
+    /// Those to the last sample; `None` if the course does not take a number, as its steps are exact or follow kinks of the equations.
+    pub fn last(&self) -> Option<usize> {
+        self.changes.last().filter(|_| self.are_taken).map(|(_, steps)| *steps)
     }
 
     /// Puts those of later samples behind.
     pub(super) fn append(&mut self, later: &Self) {
-        later.0.iter().for_each(|(from_s, steps)| self.change(*from_s, *steps));
+        self.are_taken = later.are_taken;
+        later.changes.iter().for_each(|(from_s, steps)| self.change(*from_s, *steps));
     }
 
     /// Forgets what is not needed for samples behind this time in s.
     pub(super) fn forget_until(&mut self, time_s: f64) {
-        let next = self.0.partition_point(|(from_s, _)| *from_s <= time_s);
-        self.0.drain(..next.saturating_sub(1));
+        let next = self.changes.partition_point(|(from_s, _)| *from_s <= time_s);
+        self.changes.drain(..next.saturating_sub(1));
     }
 }
 

@@ -8,15 +8,13 @@ use std::fmt;
 /// deviations that it claims, of the state in which that is most.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct StepErrors {
-    /// Steps from each sample to the next, at the end.
-    pub steps_per_sample: usize,
+    /// Steps from each sample to the next, at the end; `None` if their number follows kinks of the equations, sample by sample.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps_per_sample: Option<usize>,
     /// The root mean square after the settling time.
     pub error: f64,
     /// The same of the last 4096 samples, or of as many as there are: without process noise it grows to the end.
     pub at_the_end: f64,
-    /// Whether the number of steps follows kinks of the equations, sample by sample.
-    #[serde(skip)]
-    follows_kinks: bool,
     #[serde(skip)]
     squares: f64,
     #[serde(skip)]
@@ -54,7 +52,6 @@ impl StepErrors {
             steps_per_sample: trajectory.steps.last(),
             error: (squares / samples).sqrt(),
             at_the_end: (last / of_last as f64).sqrt(),
-            follows_kinks: trajectory.counts.unresolved_kinks > 0,
             squares,
             samples,
         })
@@ -66,7 +63,6 @@ impl StepErrors {
         self.samples += later.samples;
         self.error = (self.squares / self.samples).sqrt();
         (self.at_the_end, self.steps_per_sample) = (later.at_the_end, later.steps_per_sample);
-        self.follows_kinks |= later.follows_kinks;
     }
 
     /// The larger of both, infinite where it is not a number.
@@ -87,7 +83,7 @@ impl StepErrors {
 
     /// The steps with which it would be small, where that is a number that the file may state.
     fn enough(&self) -> Option<usize> {
-        let mut steps = self.steps_per_sample.max(1);
+        let mut steps = self.steps_per_sample?.max(1);
         let mut error = self.worst();
         while error > SHORT_ENOUGH && steps <= 1024 {
             (steps, error) = (2 * steps, error / 16.0);
@@ -98,25 +94,25 @@ impl StepErrors {
 
 impl fmt::Display for StepErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { steps_per_sample, error, at_the_end, follows_kinks, .. } = self;
+        let Self { steps_per_sample, error, at_the_end, .. } = self;
         let percent = |error: &f64| format!("{:.0} %", 100.0 * error);
-        if *follows_kinks {
-            write!(
+        match steps_per_sample {
+            Some(steps) => write!(f, "the integration step, {steps} from each sample to the next,")?,
+            None => write!(
                 f,
-                "the integration step, up to 64 from each sample to the next through kinks of the equations,"
-            )?;
-        } else {
-            write!(f, "the integration step, {steps_per_sample} from each sample to the next,")?;
+                "the integration step, up to 64 from each sample to the next as kinks of the equations need them,"
+            )?,
         }
         write!(f, " adds an error of {} of the claimed standard deviation", percent(error))?;
         if *at_the_end > 1.5 * error || *error <= REMARKABLE {
             write!(f, ", and of {} at the end", percent(at_the_end))?;
         }
-        match self.enough().filter(|_| !follows_kinks) {
-            Some(steps) => {
+        match (steps_per_sample, self.enough()) {
+            (Some(_), Some(steps)) => {
                 write!(f, ": write `steps = {steps}` in the table of the filter, or sample faster")
             }
-            None => write!(f, ": sample faster"),
+            (Some(_), None) => write!(f, ": sample faster"),
+            (None, _) => write!(f, ": sample faster; `steps` has no effect on equations with kinks"),
         }
     }
 }
@@ -127,8 +123,14 @@ mod tests {
     use crate::estimate::{StepError, TrajectoryKind};
 
     fn errors(each: &[f64]) -> Option<StepErrors> {
+        errors_where(true, each)
+    }
+
+    /// Of a filter with one step from each sample to the next, or with as many as kinks need.
+    fn errors_where(is_taken: bool, each: &[f64]) -> Option<StepErrors> {
         let mut trajectory =
             Trajectory::blank(("ekf", "EKF"), TrajectoryKind::Filtered, (&[], &[], &(0..0)), &[]);
+        trajectory.steps.begin(0.0, 1, is_taken);
         trajectory.step_errors = (1..)
             .zip(each)
             .map(|(k, error)| StepError { until_s: f64::from(k), samples: 256, error: *error })
@@ -152,5 +154,19 @@ mod tests {
         assert!(!errors(&[0.01, 0.01]).unwrap().is_remarkable());
         assert!(errors(&[0.1, f64::NAN]).unwrap().is_large());
         assert!(errors(&[0.1]).is_none());
+    }
+
+    /// `steps` changes nothing where kinks ask for a number of steps at each sample.
+    #[test]
+    fn a_filter_that_follows_kinks_is_not_advised_to_take_more_steps() {
+        let mut found = errors_where(false, &[9.0, 0.1, 0.1]).unwrap();
+        let text = found.to_string();
+        assert!(
+            text.contains("as kinks of the equations need them") && text.contains("sample faster"),
+            "{text}"
+        );
+        assert!(!text.contains("`steps = "), "{text}");
+        found.pool(&errors_where(false, &[9.0, 0.3, 0.3]).unwrap());
+        assert!(found.is_large() && !found.to_string().contains("`steps = "), "{found}");
     }
 }

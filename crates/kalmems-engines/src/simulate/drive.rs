@@ -176,6 +176,12 @@ fn sine_of_cycles(x: f64) -> f64 {
     Scalar::sin(TAU * (x - x.floor()))
 }
 
+/// The time at which a drive that jumps is asked for its value. The time of a sample, a multiple of an interval, is rounded: one that falls on the jump
+/// up to rounding has the value behind it, which moves the device from there on.
+fn past_rounding(time_s: f64) -> f64 {
+    time_s + 4.0 * f64::EPSILON * time_s.abs()
+}
+
 impl Drive {
     /// The voltage.
     pub fn at(&self, time_s: f64) -> f64 {
@@ -185,7 +191,7 @@ impl Drive {
                 offset + amplitude * sine_of_cycles(frequency_hz * time_s + phase_rad / TAU)
             }
             Self::Square { low, high, frequency_hz, duty } => {
-                let cycles = frequency_hz * time_s;
+                let cycles = frequency_hz * past_rounding(time_s);
                 if cycles - cycles.floor() < *duty { *high } else { *low }
             }
             Self::Sweep { offset, amplitude, from_hz, to_hz, duration_s } => {
@@ -197,11 +203,11 @@ impl Drive {
             Self::Tones { offset, tones } => tones.iter().fold(*offset, |sum, tone| sum + tone.at(time_s)),
             Self::Interrupted { drive, off } => drive.at(time_s) * off.share(time_s).0,
             Self::Steps { first, steps } => {
-                let passed = steps.partition_point(|(at_s, _)| *at_s <= time_s);
+                let passed = steps.partition_point(|(at_s, _)| *at_s <= past_rounding(time_s));
                 passed.checked_sub(1).map_or(*first, |last| steps[last].1)
             }
             Self::Switched { at_s, before, after } => {
-                if time_s < *at_s {
+                if past_rounding(time_s) < *at_s {
                     before.at(time_s)
                 } else {
                     after.at(time_s)
@@ -490,6 +496,18 @@ mod tests {
         };
         let drive = Drive::Interrupted { drive: Box::new(sine), off };
         assert!(drive.at(1.0) == 0.0 && drive.at(-1e-6) > 1.0);
+    }
+
+    /// 28 000 · 0.5 µs is below 14 ms by rounding.
+    #[test]
+    fn a_sample_that_falls_on_a_jump_has_the_value_behind_it() {
+        let square = Drive::Square { low: 0.0, high: 1.0, frequency_hz: 250.0, duty: 0.5 };
+        let jumps = |k: u32| (2e-3 * f64::from(k), f64::from((k + 1) % 2));
+        let steps = Drive::Steps { first: 0.0, steps: (0..1000).map(jumps).collect() };
+        for jump in 0..1000_u32 {
+            let (time_s, expected) = (f64::from(4000 * jump) * 5e-7, f64::from((jump + 1) % 2));
+            assert_eq!((square.at(time_s), steps.at(time_s)), (expected, expected), "{jump}");
+        }
     }
 
     #[test]

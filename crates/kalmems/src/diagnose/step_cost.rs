@@ -27,31 +27,40 @@ pub fn step_cost(
         TrialBench::of(workbench, experiment, None).ok()?.with_files(ROWS, progress).ok()?
     };
     let planned = bench.step_errors(None)?;
-    let one = if planned.steps_per_sample > 1 { bench.step_errors(Some(1)) } else { None };
+    let one = planned.steps_per_sample.filter(|steps| *steps > 1).and_then(|_| bench.step_errors(Some(1)));
     let (rows, lasts_s) = bench.extent();
     let rate_hz = match bench.samples(&bench.signal) {
         Some((_, interval_s)) => interval_s.recip(),
         None => rows as f64 / lasts_s,
     };
     let percent = |errors: &StepErrors| format!("{} %", significant(100.0 * errors.error));
-    let steps = planned.steps_per_sample;
+    let (steps, help) = match planned.steps_per_sample {
+        Some(1) => ("1 step".to_owned(), ", or state a larger number of `steps` for the filter"),
+        Some(steps) => (format!("{steps} steps"), ", or state a larger number of `steps` for the filter"),
+        None => ("up to 64 steps, as kinks of the equations need them,".to_owned(), ""),
+    };
     let mut text = format!(
-        "At {} `{}` takes {steps} step{} from each sample to the next; over {rows} samples the error of the steps is {} of the standard deviation that it \
+        "At {} `{}` takes {steps} from each sample to the next; over {rows} samples the error of the steps is {} of the standard deviation that it \
          claims",
         quantity(rate_hz, "Hz"),
         bench.filter_name,
-        if steps == 1 { "" } else { "s" },
         percent(&planned),
     );
     if let Some(one) = &one {
         text += &format!(", and that of one step {}", percent(one));
     }
     if planned.is_remarkable() {
-        text += ": sample at a higher rate, or state a larger number of `steps` for the filter";
+        text += &format!(": sample at a higher rate{help}");
     }
     text += ".";
-    let values = [steps as f64, planned.error, one.unwrap_or(planned).error];
-    Some(OutlookTopic::new("Integration").with("steps_their_error_and_that_of_one", values, text))
+    let topic = OutlookTopic::new("Integration");
+    Some(match planned.steps_per_sample {
+        Some(steps) => {
+            let values = [steps as f64, planned.error, one.unwrap_or(planned).error];
+            topic.with("steps_their_error_and_that_of_one", values, text)
+        }
+        None => topic.with("error_of_steps_through_kinks", [planned.error], text),
+    })
 }
 
 /// By the beginning of a simulation.

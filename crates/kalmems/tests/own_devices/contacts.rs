@@ -4,6 +4,7 @@
 //! times its length, which fifty of a sample make more than a filter claims.
 
 use kalmems::config::Experiment;
+use kalmems::diagnose::step_cost;
 use kalmems::progress::Silent;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
@@ -135,6 +136,7 @@ fn is_consistent(contact: Contact, methods: &[&str], largest_step_error: f64) {
             let steps = found.step_errors.as_ref().unwrap();
             println!("{}: watch {:.4}, {} unresolved", found.key, steps.error, found.counts.unresolved_kinks);
             assert!(steps.error < largest_step_error, "{}: {steps:?}", found.key);
+            assert_eq!(steps.steps_per_sample, None);
             let (squares, nis) = &mut found_of[place];
             squares.extend(found.values.values().filter_map(|of| Some(of.claim?.mean_square)));
             *nis += found.consistency.as_ref().unwrap().mean_nis / 4.0;
@@ -157,6 +159,17 @@ fn a_contact_whose_force_jumps_is_passed_at_its_own_time() {
 #[test]
 fn a_contact_that_damps_nothing_bounces_as_its_filter_claims() {
     is_consistent(Contact { damping: 0.0 }, &["ekf"], 0.05);
+}
+
+#[test]
+fn what_steps_through_kinks_cost_is_stated_without_a_number_of_steps() {
+    let (contact, folder) = (Contact { damping: 2e-4 }, tempfile::tempdir().unwrap());
+    contact.record(folder.path(), 3000, 20);
+    let topic = step_cost(published(), &contact.experiment(folder.path(), &["ekf"]), &Silent).unwrap();
+    let fact = &topic.facts[0];
+    println!("{}", fact.text);
+    assert!(fact.text.contains("up to 64 steps") && !fact.text.contains("`steps`"), "{fact:?}");
+    assert!(matches!(fact.values[..], [error] if error < 0.05), "{fact:?}");
 }
 
 /// A contact that is pressed is a spring of 1 MHz, sampled at 2 MHz: from sample to sample half a cycle turns the noise that has entered. The claims of a filter that rests on it are those of a Kalman filter of the same spring, with its own exact noise.

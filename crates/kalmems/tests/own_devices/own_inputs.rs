@@ -193,7 +193,7 @@ recorded = { recorded = { file = "push.csv", clock = { column = "time_s" }, colu
         &|t| 5.0 * t,
     ];
     for (name, law) in names.iter().zip(laws) {
-        // At its jumps a wave is either level, by rounding of the time; no row falls on one here but of the steps' half row.
+        // No row falls on a jump of this law, whose time is rounded otherwise.
         let error = rows.largest_error(&format!("{name}_N"), law);
         assert!(error < 1e-12, "{name}: {error:e}");
     }
