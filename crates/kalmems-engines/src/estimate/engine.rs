@@ -839,8 +839,10 @@ impl<const N: usize> FilterRun<N> {
             None if density.is_some() => {}
             None => trajectory.counts.without_signal += 1,
         }
-        for (signal, [residual, sd]) in trajectory.further.iter_mut().zip(course.further_innovations()) {
-            signal.enter(k, [*residual, *sd]);
+        if !trajectory.further.is_empty() {
+            for (signal, [residual, sd]) in trajectory.further.iter_mut().zip(course.further_innovations()) {
+                signal.enter(k, [*residual, *sd]);
+            }
         }
         trajectory.enter_rejections(k, filter.watched());
         filter.take_step_error(trajectory.nis[k]);

@@ -93,7 +93,10 @@ impl EquationSegment<'_> {
     /// The inputs at a sample.
     pub fn inputs_at(&self, k: usize, to: &mut Vec<f64>) {
         to.clear();
-        to.extend(self.inputs.iter().map(|input| input.sample(k).0));
+        // A loop: for each sample, an adapter of iterators is a call.
+        for input in &self.inputs {
+            to.push(input.sample(k).0);
+        }
     }
 }
 
@@ -458,12 +461,12 @@ impl EquationCourse<'_> {
         self.data.inputs_at(k, inputs);
         let channels = || self.channels.iter().filter_map(|place| self.data.channels.get(*place));
         let mean = filter.mean();
-        let variance = |channel: &SegmentChannel<'_>| {
-            channel.variance * self.model.noise_ratio(channel.measure, mean, inputs)
-        };
         self.variances.clear();
         let found = self.noise.as_ref().map(NoiseEstimate::variance);
-        self.variances.extend(channels().map(|channel| found.unwrap_or_else(|| variance(channel))));
+        for channel in channels() {
+            let stated = || channel.variance * self.model.noise_ratio(channel.measure, mean, inputs);
+            self.variances.push(found.unwrap_or_else(stated));
+        }
         if self.variant != Variant::Full {
             let Some((channel, variance)) = channels().zip(&self.variances).next() else { return Ok(None) };
             let printed = PrintedSensor(self.model.sensor(channel.measure, inputs));

@@ -129,8 +129,9 @@ impl StreamWriter {
         self.line[..4].copy_from_slice(&sync);
         self.line[4..6].copy_from_slice(&place.to_le_bytes());
         self.line[6..HEAD].copy_from_slice(&count.to_le_bytes());
-        for (bytes, value) in self.line[HEAD..].as_chunks_mut().0.iter_mut().zip(&self.values) {
-            *bytes = value.to_le_bytes();
+        let (bytes, _) = self.line[HEAD..].as_chunks_mut();
+        for (k, value) in self.values.iter().enumerate() {
+            bytes[k] = value.to_le_bytes();
         }
         frames.write_all(&self.line)
     }
