@@ -13,6 +13,7 @@ mod image;
 mod interruption;
 mod live;
 mod new;
+mod ranges;
 mod readme;
 mod report_samples;
 mod rest;
