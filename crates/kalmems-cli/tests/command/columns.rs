@@ -45,7 +45,8 @@ pub(super) fn example() -> (String, String) {
     (text, rows.join("\n") + "\n")
 }
 
-pub(super) const PLAIN: &str = "clock = { column = \"time_s\" }\nchannels = { drive = \"drive_V\", signal = \"cap_V\" }";
+pub(super) const PLAIN: &str =
+    "clock = { column = \"time_s\" }\nchannels = { drive = \"drive_V\", signal = \"cap_V\" }";
 const OWN: &str = "clock = { column = \"t\", unit = \"s\" }\nchannels = { drive = { column = \"Vdrive\", unit = \"V\" }, \
                    signal = { column = \"Ucap\", unit = \"V\" } }";
 
@@ -333,7 +334,7 @@ fn advice_on_a_text_without_names_fits_the_settings_that_name_it() {
     let folder = folder_of_settings(&settings);
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     for (text, expected) in [
-        ("0,1\n1,2\n2,3\n", "columns = [\"time_s\", \"cap_V\"] }` in the table that names the file"),
+        ("0,1\n1,2\n2,3\n", "write such a `format` in the table that names the file"),
         ("a,b;c\n1,2;3\n", "separator = \",\" }` in the table that names the file"),
     ] {
         std::fs::write(path("FILE"), text).unwrap();
