@@ -15,6 +15,7 @@ mod live;
 mod new;
 mod ranges;
 mod readme;
+mod remedies;
 mod report_samples;
 mod rest;
 mod spectrum;
