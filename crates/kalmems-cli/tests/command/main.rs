@@ -14,6 +14,7 @@ mod interruption;
 mod live;
 mod new;
 mod ranges;
+mod rates;
 mod readme;
 mod remedies;
 mod report_samples;
