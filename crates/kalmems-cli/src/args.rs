@@ -270,7 +270,7 @@ pub struct NewArguments {
     pub further: Vec<(String, String)>,
     #[command(flatten)]
     pub file: FileArguments,
-    /// The rate of the samples, such as `1 MHz`, of recordings without a column of times.
+    /// The rate of the samples, such as `1 MHz`, of recordings without a column of times, or instead of it where its times cannot be used.
     #[arg(long, value_name = "RATE", requires = "recordings")]
     pub rate: Option<String>,
     /// Which column is the time, and its unit, such as `t=ms`, where the name of the column does not say it; it counts in each recording that has

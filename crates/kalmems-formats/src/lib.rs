@@ -61,6 +61,7 @@ pub use decimal::Shift;
 pub use error::FormatError;
 pub(crate) use error::{Result, refuse_if};
 pub use length::has_more_rows;
+pub use name::example_names;
 pub use open::{Format, Hints, open, open_reader};
 pub use panics::panic_is_caught;
 pub use source::ReadSeek;

@@ -3,6 +3,18 @@
 use crate::stated_clock::names_a_time;
 use crate::unit_spellings::unit_ending;
 
+/// Names with units for so many columns that have none, as the list that `columns` in the experiment file may be.
+pub fn example_names(columns: usize) -> String {
+    const MOST: usize = 32;
+    let channels = (1..columns.max(2)).map(|channel| format!("\"ch{channel}_V\""));
+    let time = (columns > 1).then(|| "\"time_s\"".to_owned());
+    let mut names: Vec<String> = time.into_iter().chain(channels).take(MOST).collect();
+    if columns > MOST {
+        names.push("…".to_owned());
+    }
+    format!("[{}]", names.join(", "))
+}
+
 /// The name of a column whose unit a format keeps elsewhere, in an attribute or in brackets: `cap_V` for `cap` and
 /// `Volts`. A name that ends with the unit already stays as it is. A word that is no known unit is joined as it stands,
 /// so that a message can name it; a text of several words, such as `From Custom Scale`, is none.

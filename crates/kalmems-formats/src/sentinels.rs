@@ -40,7 +40,7 @@ const NUMBERS: [(f64, SentinelMeaning); 9] = [
     // Power meters and recorders: full digits with the largest exponent of two places. Those of Hioki write 7 instead of 9 where a channel is
     // switched off.
     (1.999_99e101, Overload),
-    (9.999_9e102, Overload),
+    (9.999_99e102, Overload),
     (9.999_99e103, Overload),
     (7.777_77e103, Nothing),
 ];
@@ -143,6 +143,13 @@ mod tests {
         assert_eq!(number(-9.9e37), Some(CellFinding::Overload(String::new())));
         assert_eq!(number("9.91E37".parse().unwrap()), Some(CellFinding::Nan(String::new())));
         assert_eq!(number("199.999E+99".parse().unwrap()), Some(CellFinding::Overload(String::new())));
+        // As drivers, power meters and recorders write them.
+        for cell in ["1e308", "-1e308", "9999.99E+99", "-9999.99E+99", "99999.9E+99"] {
+            assert_eq!(number(cell.parse().unwrap()), Some(CellFinding::Overload(String::new())), "{cell}");
+        }
+        for cell in ["77777.7E+99", "-77777.7E+99"] {
+            assert_eq!(number(cell.parse().unwrap()), Some(CellFinding::Nan(String::new())), "{cell}");
+        }
         for other in [0.0, 9.9e36, 9.8e37, 1e100, f64::NAN] {
             assert_eq!(number(other), None, "{other}");
         }

@@ -1,6 +1,7 @@
 //! A table of records that is being put together, part by part, by the reader of a format.
 
 use crate::clock::ChannelClock;
+use crate::name::example_names;
 use crate::records::{CellKind, RecordField, RecordLane, RecordTable, StoredCell};
 use crate::stated_clock::{StatedNumbers, settle_each};
 use crate::stream::{FileStretch, StreamLane};
@@ -75,15 +76,21 @@ impl TableParts {
         columns: u64,
         what: &str,
     ) -> Result<Vec<String>> {
+        let has_others = stored.is_some() && hints.columns.is_some();
         match hints.columns.clone().or(stored) {
             Some(names) if names.len() as u64 == columns => Ok(names),
             names => {
                 let with = names.map_or("out names".to_owned(), |names| format!(" {} names", names.len()));
                 let kind = self.format.split(' ').next().unwrap_or_default().to_lowercase();
-                let remedy = format!(
-                    "write their names, such as `format = {{ kind = \"{kind}\", columns = [\"time_s\", \"cap_V\"] }}`, as \
-                     many as there are columns; rows are along the first axis"
-                );
+                let example = example_names(usize::try_from(columns).unwrap_or(usize::MAX));
+                let remedy = if has_others {
+                    "leave `columns` out, as the file has names for them".to_owned()
+                } else {
+                    format!(
+                        "write their names, such as `format = {{ kind = \"{kind}\", columns = {example} }}`; rows are along the \
+                         first axis"
+                    )
+                };
                 Err(FormatError::unsupported(self.format, format!("{what} with{with}"), remedy))
             }
         }

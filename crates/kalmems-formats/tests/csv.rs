@@ -390,7 +390,7 @@ waveforms with times of their own: CSV: a file of a Keysight Infiniium oscillosc
 LabOne sweep: CSV: a LabOne file with a line for each field, such as sweeps are saved in, is not read; save samples \
 (`chunk;timestamp;x;y;…`), or as HDF5
 words above blanks: 3 words in line 1 above rows of 2 numbers between blanks; expected a name for each column, in the \
-file or in the settings: `format = { kind = \"csv\", columns = [\"time_s\", …] }` in the table that names the file
+file or in the settings: `format = { kind = \"csv\", columns = [\"time_s\", \"ch1_V\"] }` in the table that names the file
 NUL: a byte that is no text, 17 bytes from line 1 on; expected text
 line ends of an old Macintosh: lines that end with a carriage return alone; expected lines that end with a line feed: \
 convert the file, such as with `tr '\\r' '\\n'`
@@ -760,6 +760,20 @@ fn texts_of_loggers_and_spreadsheets_are_read() {
     // A group that may be a decimal is no number where nothing in its column tells.
     let block = whole(text("time_s,cap_V\n0,\"1,234\"\n", &CsvHints::default()).unwrap(), 3).unwrap();
     assert_eq!(block.faults[0].fault, CellFinding::Text("1,234".to_owned()));
+}
+
+/// The names that the settings give for rows between blanks count where the words above them are of another number.
+#[test]
+fn stated_names_replace_words_of_another_number() {
+    let columns = Some(["time_s", "ch1_V"].map(str::to_owned).to_vec());
+    let hints = Hints { columns, ..Hints::default() };
+    let table = read_csv(Cursor::new("time cap left\n0 1\n1 2\n".as_bytes()), &hints).unwrap();
+    assert_eq!(names(table.as_ref()), ["time_s", "ch1_V"]);
+    let block = whole(table, 2).unwrap();
+    assert_eq!(
+        (block.numbers[0].as_slice(), block.numbers[1].as_slice()),
+        (&[0.0, 1.0][..], &[1.0, 2.0][..])
+    );
 }
 
 #[test]

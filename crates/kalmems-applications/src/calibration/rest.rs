@@ -87,6 +87,8 @@ pub struct AxisAtRest {
     pub samples: usize,
     /// How long they last without the gaps between them, in s.
     pub duration_s: f64,
+    /// The rate of the samples in Hz, by the times of the record where it has such, or else as stated.
+    pub rate_hz: f64,
     /// In how many records.
     #[serde(skip_serializing_if = "is_one")]
     pub records: usize,
@@ -254,6 +256,7 @@ impl AxisAtRest {
             axis,
             samples,
             duration_s,
+            rate_hz: interval_s.recip(),
             records: rest.records.len(),
             gaps: rest.gaps,
             bias,

@@ -5,19 +5,19 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
-fn root() -> PathBuf {
+pub(super) fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
 }
 
-fn run(arguments: &[&str]) -> Output {
+pub(super) fn run(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_kalmems")).current_dir(root()).args(arguments).output().unwrap()
 }
 
-fn said(output: &Output) -> String {
+pub(super) fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-fn done(arguments: &[&str]) -> String {
+pub(super) fn done(arguments: &[&str]) -> String {
     let output = run(arguments);
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
     String::from_utf8(output.stdout).unwrap()
@@ -34,7 +34,7 @@ fn refused(arguments: &[&str], folder: &Path) -> String {
 const ROWS: usize = 1200;
 
 /// The scanner's example, shortened to the rows of the fixtures: its text and its recording.
-fn example() -> (String, String) {
+pub(super) fn example() -> (String, String) {
     let folder = root().join("examples/shared_scanner");
     let text = std::fs::read_to_string(folder.join("experiment.toml")).unwrap();
     let end = text.find("# Read by the evaluation").unwrap();
@@ -45,7 +45,8 @@ fn example() -> (String, String) {
     (text, rows.join("\n") + "\n")
 }
 
-const PLAIN: &str = "clock = { column = \"time_s\" }\nchannels = { drive = \"drive_V\", signal = \"cap_V\" }";
+pub(super) const PLAIN: &str =
+    "clock = { column = \"time_s\" }\nchannels = { drive = \"drive_V\", signal = \"cap_V\" }";
 const OWN: &str = "clock = { column = \"t\", unit = \"s\" }\nchannels = { drive = { column = \"Vdrive\", unit = \"V\" }, \
                    signal = { column = \"Ucap\", unit = \"V\" } }";
 
@@ -333,7 +334,7 @@ fn advice_on_a_text_without_names_fits_the_settings_that_name_it() {
     let folder = folder_of_settings(&settings);
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     for (text, expected) in [
-        ("0,1\n1,2\n2,3\n", "columns = [\"time_s\", \"cap_V\"] }` in the table that names the file"),
+        ("0,1\n1,2\n2,3\n", "write such a `format` in the table that names the file"),
         ("a,b;c\n1,2;3\n", "separator = \",\" }` in the table that names the file"),
     ] {
         std::fs::write(path("FILE"), text).unwrap();

@@ -231,8 +231,8 @@ impl FindingKind {
                 "expected a line of names such as `time_s,cap_V` and rows of numbers below it"
             }
             Self::NoHeader => {
-                "expected the names of the columns: put a line such as `time_s,cap_V` before it, or write \
-                 `format = { kind = \"csv\", columns = [\"time_s\", \"cap_V\"] }` in the table that names the file"
+                "expected the names of the columns with their units: write such a `format` in the table that names the file, or put a \
+                 line of names before the numbers"
             }
             Self::Separator => "expected commas between cells and a point in numbers",
             Self::NoSuchColumn => "name a column that the file has",

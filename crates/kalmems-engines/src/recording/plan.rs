@@ -117,7 +117,11 @@ impl ReadingPlan {
         let is_date =
             |(column, name): (usize, &String)| time_kind(column).is_some() && formats::is_value(name);
         if names.iter().all(|name| formats::is_value(name)) || names.iter().enumerate().any(is_date) {
-            return Err(unreadable(Kind::NoHeader, line, "the first line holds numbers".to_owned()));
+            let example = formats::example_names(names.len());
+            let detail = format!(
+                "the first line holds numbers and no names, which `format = {{ kind = \"csv\", columns = {example} }}` would give"
+            );
+            return Err(unreadable(Kind::NoHeader, line, detail));
         }
         if let [only] = names.as_slice()
             && let Some(separator) = only.chars().find(|c| matches!(c, ';' | '\t' | '|'))

@@ -12,12 +12,18 @@ const FEWEST_BURSTS: usize = 4;
 const WINDOWS: [usize; 3] = [64, 512, 4096];
 const FEWEST_WINDOWS: usize = 8;
 
-/// The mean of the intervals that are the usual one but for rounding, where that is so coarse that the usual one is a
-/// multiple of it and nothing else.
-pub(super) fn mean_of_rounded(intervals: &[f64], median: f64, resolution_s: f64) -> f64 {
-    let near = intervals.iter().filter(|interval| (**interval - median).abs() <= 2.0 * resolution_s);
-    let (count, sum) = near.fold((0_usize, 0.0), |(count, sum), interval| (count + 1, sum + interval));
-    if count > 0 { sum / count as f64 } else { median }
+/// The slope by least squares of times over their rows, by the intervals that are the usual one but for rounding, where that is so
+/// coarse that the usual one is a multiple of it and nothing else. In the slope the `i`-th of `n` intervals has the weight `i (n + 1 - i)`.
+pub(super) fn slope_of_rounded(intervals: &[f64], median: f64, resolution_s: f64) -> f64 {
+    let is_near = |interval: &&f64| (**interval - median).abs() <= 2.0 * resolution_s;
+    let count = intervals.iter().filter(is_near).count();
+    let weighted = intervals.iter().filter(is_near).zip(1..).map(|(interval, i)| {
+        let weight = i as f64 * (count + 1 - i) as f64;
+        (weight, weight * interval)
+    });
+    let (weights, sum) =
+        weighted.fold((0.0, 0.0), |(weights, sum), (weight, part)| (weights + weight, sum + part));
+    if count > 0 { sum / weights } else { median }
 }
 
 /// To how many s the times of a text were rounded, where they are those of a steady clock but for that: all intervals are one of two

@@ -10,7 +10,7 @@ use std::cmp::Ordering;
 pub const TIME_TOLERANCE: f64 = 0.01;
 
 /// Intervals of a segment's beginning whose median is the usual one: as many as a stream has at first, so that it is the same to the last bit wherever a
-/// recording is held or cut. Where stamps are rounded it is the mean of all there are.
+/// recording is held or cut. Where stamps are rounded it is the slope of all there are.
 const USUAL_OVER: usize = 4095;
 
 /// How far a gap may be from a whole number of intervals, as a part of one interval.
@@ -147,7 +147,7 @@ impl TimeCheck {
         if let Some(median) = &mut self.median
             && self.resolution_s > TIME_TOLERANCE * *median
         {
-            *median = stamps::mean_of_rounded(&positive, *median, self.resolution_s);
+            *median = stamps::slope_of_rounded(&positive, *median, self.resolution_s);
         }
         if let Some(bursts) = stamps::bursts(head) {
             findings.add_many(Kind::BurstTime, place(bursts.first), bursts.count, || bursts.detail);

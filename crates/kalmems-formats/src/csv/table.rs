@@ -126,7 +126,7 @@ impl CsvTable {
             rows: None,
             evidence: dialect.evidence,
             left_out: Vec::new(),
-            protection: String::new(),
+            protection: crate::table::protection(&[]),
         };
         Self {
             input,

@@ -340,7 +340,7 @@ fn what_is_ambiguous_is_refused_with_what_to_write() {
         (
             "plain.npy",
             Hints::default(),
-            "write their names, such as `format = { kind = \"npy\", columns = [\"time_s\", \"cap_V\"] }`",
+            "write their names, such as `format = { kind = \"npy\", columns = [\"time_s\", \"ch1_V\", \"ch2_V\"] }`",
         ),
         ("plain.npy", named(&["time_s", "cap_V"]), "3 columns with 2 names"),
         ("several.h5", Hints::default(), "write `group` as one of `/a`, `/b`"),

@@ -31,7 +31,14 @@ pub fn examine(
             role,
             stated: StatedFile { hints: file.clone(), ..StatedFile::default() },
         };
-        let mut found = one(&recording)?;
+        let mut found = match look_at(&recording) {
+            // The stated rate takes the place of times that cannot be used.
+            Err(DraftError::Unusable { .. }) if rate_hz.is_some() => {
+                recording.stated.rate_hz = rate_hz;
+                one(&recording)?
+            }
+            found => found.map_err(not_examined)?,
+        };
         let inspection = found.inspection();
         let columns = inspection.channels.iter().map(|channel| &channel.column).chain(&inspection.time);
         if let Some(time) = &stated
@@ -88,13 +95,21 @@ fn with_time(
 }
 
 fn one(recording: &RecordingToExamine) -> Result<ExaminedRecording, CommandEnding> {
+    look_at(recording).map_err(not_examined)
+}
+
+fn look_at(recording: &RecordingToExamine) -> Result<ExaminedRecording, DraftError> {
     let bar = ProgressDisplay::default();
     let mut reading = ReaderProgress::new(&bar, "reading");
-    draft::examine(recording, &mut |done, total| reading.hear(done, total)).map_err(|e| match e {
+    draft::examine(recording, &mut |done, total| reading.hear(done, total))
+}
+
+fn not_examined(error: DraftError) -> CommandEnding {
+    match error {
         DraftError::Read(ReadError::Interrupted { .. }) => CommandEnding::Interrupted,
         DraftError::Read(e) => unread(&e),
         e => wrong(e),
-    })
+    }
 }
 
 fn role_of(role: &str) -> Result<RecordingRole, CommandEnding> {

@@ -6,6 +6,7 @@ use super::marks::is_number;
 use super::units::{column_name, unit_cell};
 use super::{ColumnOrigin, NamedColumns, RecognizedText, marks, preamble};
 use crate::csv::split::{BLANKS, Split};
+use crate::name::example_names;
 use crate::stated_clock::StatedNumbers;
 use crate::time::parse_iso;
 use crate::{FormatError, Hints, Result};
@@ -34,7 +35,7 @@ pub(super) fn find(
         };
     let header = below.as_ref().map_or(header, |below| below.names);
     let separator = marks::separator(head, header, &hints.csv)?;
-    let (names, header_lines) = names(head, header, separator)?;
+    let (names, header_lines) = names(head, header, separator, hints.columns.as_deref())?;
     let after = header + header_lines;
     let below = below.or_else(|| preamble::below_names(head, after - 1, separator, names.len()));
     let units_index = match hints.csv.units_line {
@@ -131,14 +132,21 @@ fn without_settings(mut columns: NamedColumns, clock: &mut StatedNumbers) -> Nam
 }
 
 /// The names, and how many lines they take: a quoted name may hold a line end.
-fn names(head: &TextHead, header: usize, separator: u8) -> Result<(Vec<String>, usize)> {
+fn names(
+    head: &TextHead,
+    header: usize,
+    separator: u8,
+    stated: Option<&[String]>,
+) -> Result<(Vec<String>, usize)> {
     let line = head.line(header);
     let line = unmarked(line.trim_ascii()).unwrap_or(line);
     if separator == BLANKS
         && let Some(count) = marks::cells_of_rows(head, header + 1, separator)
     {
         let words = head.cells(header, separator);
-        return match marks::names(line, separator, count) {
+        // Names of the settings take the place of words of another number.
+        let stated = stated.filter(|names| names.len() == count && words.len() != count);
+        return match marks::names(line, separator, count).or_else(|| stated.map(<[String]>::to_vec)) {
             Some(names) => Ok((names, 1)),
             // Rows of numbers from the first line on, whose names the experiment file may have.
             None if words.len() == count => Ok((words, 1)),
@@ -147,8 +155,11 @@ fn names(head: &TextHead, header: usize, separator: u8) -> Result<(Vec<String>, 
                 let found = format!(
                     "{count_of_words} words in line {line} above rows of {count} numbers between blanks"
                 );
-                let expected = "a name for each column, in the file or in the settings: `format = { kind = \"csv\", \
-                                columns = [\"time_s\", …] }` in the table that names the file";
+                let expected = format!(
+                    "a name for each column, in the file or in the settings: `format = {{ kind = \"csv\", columns = {} }}` in the \
+                     table that names the file",
+                    example_names(count)
+                );
                 Err(FormatError::not_recognised(found, expected))
             }
         };
@@ -209,7 +220,9 @@ enum RowsBelow {
 fn rows_below(head: &TextHead, header: usize, hints: &Hints) -> RowsBelow {
     // What may be separated in two ways is refused where it is separated.
     let Ok(separator) = marks::separator(head, header, &hints.csv) else { return RowsBelow::First };
-    let Ok((names, lines)) = names(head, header, separator) else { return RowsBelow::First };
+    let Ok((names, lines)) = names(head, header, separator, hints.columns.as_deref()) else {
+        return RowsBelow::First;
+    };
     if names.first().is_some_and(|name| preamble::is_key(name)) {
         return RowsBelow::None;
     }
