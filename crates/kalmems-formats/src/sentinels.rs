@@ -29,7 +29,7 @@ impl SentinelMeaning {
 const SMALLEST: f64 = 9.9e37;
 
 /// Numbers of either sign.
-const NUMBERS: [(f64, SentinelMeaning); 9] = [
+const NUMBERS: [(f64, SentinelMeaning); 10] = [
     // SCPI-1999, volume 1, 7.2.1.4 and 7.2.1.5: INFinity, NINFinity and NAN of all instruments that speak it.
     (9.9e37, Overload),
     (9.91e37, Nothing),
@@ -40,6 +40,7 @@ const NUMBERS: [(f64, SentinelMeaning); 9] = [
     // Power meters and recorders: full digits with the largest exponent of two places. Those of Hioki write 7 instead of 9 where a channel is
     // switched off.
     (1.999_99e101, Overload),
+    (9.999_9e102, Overload),
     (9.999_99e102, Overload),
     (9.999_99e103, Overload),
     (7.777_77e103, Nothing),
@@ -144,7 +145,7 @@ mod tests {
         assert_eq!(number("9.91E37".parse().unwrap()), Some(CellFinding::Nan(String::new())));
         assert_eq!(number("199.999E+99".parse().unwrap()), Some(CellFinding::Overload(String::new())));
         // As drivers, power meters and recorders write them.
-        for cell in ["1e308", "-1e308", "9999.99E+99", "-9999.99E+99", "99999.9E+99"] {
+        for cell in ["1e308", "-1e308", "9999.9E+99", "9999.99E+99", "-9999.99E+99", "99999.9E+99"] {
             assert_eq!(number(cell.parse().unwrap()), Some(CellFinding::Overload(String::new())), "{cell}");
         }
         for cell in ["77777.7E+99", "-77777.7E+99"] {
