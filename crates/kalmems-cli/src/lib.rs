@@ -70,8 +70,14 @@ pub fn interrupt_command() {
 
 /// Does what the arguments say, in a process that is the command's alone or not.
 fn run_arguments(workbench: &Workbench, arguments: Vec<OsString>, owns_process: bool) -> u8 {
+    let commands_terminal =
+        arguments.iter().any(|argument| argument.to_string_lossy().contains(tell::is_command));
     let arguments = match CommandLine::try_parse_from(arguments) {
         Ok(arguments) => arguments,
+        Err(told) if commands_terminal => {
+            tell::line(format_args!("{}", told.render().to_string().trim_end()));
+            return u8::try_from(told.exit_code()).unwrap_or(2);
+        }
         Err(told) => {
             // Of a usage error, or help that was asked for. Where nobody reads it, it is lost.
             let _ = told.print();

@@ -1,8 +1,12 @@
 //! Tables without a time: the points of a curve, or a number measured at several values of another.
 
 use crate::config::Experiment;
-use crate::recording::{Hints, ReadError, RecordingLayout, SampledRecording, TimeSource};
+use crate::recording::{Hints, ReadError, RecordingLayout, SampledRecording, TimeSource, has_more_rows};
+use std::io;
 use std::path::Path;
+
+/// A table of more rows is no table of points, and is refused before it is held in memory.
+const MOST_ROWS: u64 = 1 << 20;
 
 /// Reads these columns of a table that an experiment names. It has no time: its rows are counted.
 pub fn read_table(
@@ -20,5 +24,11 @@ pub fn read_table(
         origin: None,
         restarts: None,
     };
-    SampledRecording::read(&experiment.resolve(file), &layout)
+    let path = experiment.resolve(file);
+    if has_more_rows(&path, &layout, MOST_ROWS)? {
+        let why = format!("a table of points has more than {MOST_ROWS} rows; leave out points");
+        let source = io::Error::new(io::ErrorKind::InvalidInput, why);
+        return Err(ReadError::Io { file: path.display().to_string(), source });
+    }
+    SampledRecording::read(&path, &layout)
 }

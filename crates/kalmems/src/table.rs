@@ -61,7 +61,7 @@ impl TidyTable {
 
     pub(crate) fn write_csv(&self, w: &mut dyn Write) -> io::Result<()> {
         let mut csv = csv::Writer::from_writer(w);
-        csv.write_record(&self.columns)?;
+        csv.write_record(self.columns.iter().map(|name| guarded(name).into_owned()))?;
         for line in &self.rows {
             csv.write_record(line.cells.iter().map(|cell| guarded(cell).into_owned()))?;
         }
@@ -102,6 +102,18 @@ mod tests {
     fn columns_keep_the_order_of_the_rows() {
         let rows = ["a d", "a b d", "a b c d e", "d"].map(|names| names.split_whitespace().collect());
         assert_eq!(union(rows.into_iter()), ["a", "b", "c", "d", "e"]);
+    }
+
+    #[test]
+    fn heads_and_cells_that_a_spreadsheet_would_compute_are_text() {
+        let columns = ["=1+1", "+a", "-b", "@c", "d=1", "-0.5"].map(str::to_owned).to_vec();
+        let cells = ["=2", "-2", "", "e", "@f", "+1e3"].map(str::to_owned).to_vec();
+        let table =
+            TidyTable { columns, words: Vec::new(), rows: vec![TidyRow { run: 0, cells }], before: 0 };
+        let mut csv = Vec::new();
+        table.write_csv(&mut csv).unwrap();
+        let expected = "'=1+1,'+a,'-b,'@c,d=1,-0.5\n'=2,-2,,e,'@f,+1e3\n";
+        assert_eq!(String::from_utf8(csv).unwrap(), expected);
     }
 
     #[test]

@@ -43,7 +43,7 @@ const OUTPUT: usize = 1 << 16;
 /// The exit code where the connection broke.
 const BROKEN: u8 = 4;
 
-/// The exit code where no filter had an estimate at the end: all have stopped or lost the signal, or none could begin.
+/// The exit code where no filter follows the motion at the end: all have stopped or lost the signal, or none could begin.
 const WITHOUT_ESTIMATE: u8 = 6;
 
 /// The exit code where nobody reads any more what is written, as of a program that a closed pipe ends.
@@ -128,7 +128,9 @@ pub fn run(workbench: &Workbench, arguments: &StreamArguments) -> Result<(), Com
         line(format_args!("error: `{}` broke after {samples} samples{at}: {why}", arguments.from));
     }
     if !summary.ends_with_estimate && !summary.interrupted && summary.broken.is_none() {
-        line(format_args!("error: no filter had an estimate when the stream ended"));
+        line(format_args!(
+            "error: no filter follows the motion at the end of the stream: each has lost it, has stopped, or could not begin"
+        ));
     }
     if lines == Some(&*own_file) {
         tell!("estimates and events as lines in {}; `--lines -` shows them here", own_file.display());

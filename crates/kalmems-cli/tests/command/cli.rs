@@ -1423,6 +1423,95 @@ fn a_stream_that_ends_without_an_estimate_ends_with_6() {
     assert_eq!(summary(&said[..])["ends_with_estimate"], false);
 }
 
+/// The filter has lost the signal at the end, and gives numbers all the same.
+#[test]
+fn a_stream_whose_filter_has_lost_the_motion_ends_with_6_and_says_so() {
+    let (code, lines, said) = streamed(|_, line| with_cell(line, 1, "0"));
+    assert_eq!(code, Some(6), "{said}");
+    assert!(said.contains("error: no filter follows the motion at the end of the stream"), "{said}");
+    let lines = estimates(&lines, "ekf");
+    assert_eq!(lines.len(), 2401);
+    for line in lines {
+        let cells: Vec<&str> = line.split(',').take(4).skip(1).collect();
+        assert!(cells.iter().all(|cell| cell.parse::<f64>().is_ok_and(f64::is_finite)), "{line}");
+    }
+    let summary = summary(&said);
+    assert_eq!((&summary["estimated"], &summary["ends_with_estimate"]), (&24_001.into(), &false.into()));
+}
+
+/// Rows whose drive is unknown at missing samples, as it is no steady sine: of a recording that consists of them alone, and before good ones.
+#[test]
+fn a_beginning_that_is_refused_is_an_error_of_estimate_and_a_stream_goes_on_behind_it() {
+    let refused = |row: usize, line: &str| match row % 700 {
+        350 => with_cell(&with_cell(line, 1, ""), 2, ""),
+        _ => with_cell(line, 1, &format!("{:.3}", (row % 3000) as f64 / 300.0)),
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let recording = std::fs::read_to_string(root().join("examples/shared_scanner/recording.csv")).unwrap();
+    let rows = recording.lines().enumerate().take(12_001);
+    let rows = rows.map(|(row, line)| if row == 0 { line.to_owned() } else { refused(row, line) });
+    let rows = rows.collect::<Vec<_>>().join("\n") + "\n";
+    std::fs::write(folder.path().join("recording.csv"), rows).unwrap();
+    let experiment = folder.path().join("stream.toml");
+    std::fs::copy(root().join(STREAM), &experiment).unwrap();
+    let out = folder.path().join("out");
+    let output = run(&["estimate", experiment.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    let why = "the drive `drive_V` is not known at ";
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains(why) && !out.exists(), "{}", text(&output.stderr));
+    let (code, lines, said) =
+        streamed(|row, line| if row <= 12_000 { refused(row, line) } else { line.to_owned() });
+    assert_eq!(code, Some(0), "{said}");
+    let first = lines.lines().find(|line| line.contains("\"event\":\"not_estimated\"")).unwrap();
+    assert!(first.contains(why), "{first}");
+    assert_eq!(lines.matches("\"event\":\"estimate_begins\"").count(), 1, "{said}");
+    let summary = summary(&said);
+    // As a start is tried again 1024 rows later at first, and 65 536 at most.
+    let estimated = summary["estimated"].as_u64().unwrap();
+    assert!((24_001 - 12_000 - 1024..=24_001 - 12_000).contains(&estimated), "{said}");
+    assert_eq!(summary["not_estimated"].as_u64().unwrap() + estimated, 24_001);
+    assert_eq!(summary["ends_with_estimate"], true);
+}
+
+/// Two faults within 20 ms, and good rows behind them or not.
+#[test]
+fn the_exit_code_of_a_stream_with_two_faults_is_that_of_its_end() {
+    type Change = fn(usize, &str) -> String;
+    let cases: [(&str, i32, Change); 5] = [
+        ("a spike, then silence", 0, |row, line| match row {
+            1000 => with_cell(line, 2, "1000"),
+            1040..1540 => with_cell(line, 2, ""),
+            _ => line.to_owned(),
+        }),
+        ("an absurd drive, then damaged lines", 0, |row, line| match row {
+            1000 => with_cell(line, 1, "1e100"),
+            1900..1903 => format!("?{line}"),
+            _ => line.to_owned(),
+        }),
+        ("a wrong time, then the drive off with a sample missing", 0, |row, line| match row {
+            12_000 => with_cell(line, 0, "1e4"),
+            13_000 => with_cell(&with_cell(line, 1, ""), 2, ""),
+            12_040..14_040 => with_cell(line, 1, "0"),
+            _ => line.to_owned(),
+        }),
+        ("a spike, then an absurd drive to the end", 6, |row, line| match row {
+            12_000 => with_cell(line, 2, "1000"),
+            12_040.. => with_cell(line, 1, "1e200"),
+            _ => line.to_owned(),
+        }),
+        ("silence, then the drive off to the end", 6, |row, line| match row {
+            5000..5500 => with_cell(line, 2, ""),
+            5540.. => with_cell(line, 1, "0"),
+            _ => line.to_owned(),
+        }),
+    ];
+    for (name, expected, change) in cases {
+        let (code, _, said) = streamed(change);
+        assert_eq!(code, Some(expected), "{name}: {said}");
+        assert_eq!(summary(&said)["ends_with_estimate"], expected == 0, "{name}");
+    }
+}
+
 #[test]
 fn outputs_of_a_stream_that_are_one_file_or_its_input_are_refused() {
     let folder = tempfile::tempdir().unwrap();

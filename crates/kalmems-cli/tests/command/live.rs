@@ -112,6 +112,130 @@ fn files_that_follow_each_other_hold_together_what_one_holds_and_each_says_how_t
     }
 }
 
+#[test]
+fn a_pause_that_is_longer_than_the_time_of_a_file_is_followed_by_the_next_file_and_no_line_is_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = fs::read(example("recording.csv")).unwrap();
+    let half = bytes.split(|byte| *byte == b'\n').take(12_001).map(|line| line.len() + 1).sum::<usize>();
+    let whole =
+        kalmems(&example("stream.toml")).arg("--from").arg(example("recording.csv")).output().unwrap();
+    let whole = String::from_utf8(whole.stdout).unwrap();
+    let mut child = kalmems(&example("stream.toml"))
+        .current_dir(folder.path())
+        .args(["--lines", "l.txt", "--to", "mcap://m.mcap", "--rotate-every", "1 s"])
+        .spawn()
+        .unwrap();
+    let mut input = child.stdin.take().unwrap();
+    input.write_all(&bytes[..half]).unwrap();
+    let estimates = |path: &PathBuf| {
+        let text = fs::read_to_string(path).unwrap();
+        text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let files = || series(folder.path(), "l", "l.txt");
+    wait_until("estimates of the first half", || {
+        let found = || files().iter().flat_map(estimates).filter(|line| line.starts_with("ekf,")).count();
+        folder.path().join("l.txt").exists() && found() >= 1199
+    });
+    let before = files().len();
+    std::thread::sleep(Duration::from_millis(1100));
+    assert_eq!(files().len(), before, "a file is completed when the next line comes");
+    input.write_all(&bytes[half..]).unwrap();
+    drop(input);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    // Two, or more where the estimates themselves take longer than a second.
+    let files = files();
+    assert!(files.len() > before, "{files:?}");
+    let all: Vec<String> = files.iter().flat_map(estimates).collect();
+    assert!(all.iter().map(String::as_str).eq(whole.lines().filter(|line| !line.starts_with('#'))));
+    assert!(files.iter().all(|path| fs::read_to_string(path).unwrap().starts_with("# ekf,time_s,angle_rad")));
+    assert!(series(folder.path(), "m", "m.mcap").len() > 1);
+}
+
+/// An oscillator whose rates are those of `tools/stream_day.py` times a factor; its samples come without times.
+fn oscillator(folder: &Path, factor: f64) -> PathBuf {
+    let (w, force, rate) = (factor * 1916.0, factor * factor * 1e3, factor * 1e4);
+    let text = format!(
+        r#"name = "oscillator"
+[device.equations]
+states = {{ x = "um", v = "um/s" }}
+inputs = {{ drive = "V" }}
+derivative = {{ x = "v", v = "force*drive - w/50*v - w^2*x" }}
+measure = {{ signal = "gain*x in V" }}
+noise = {{ signal = "1e-4[V^2]", v = "{}[um^2/s^3]" }}
+[device.equations.parameters]
+w = "{w} rad/s"
+force = "{force} um/s^2/V"
+gain = "1 V/um"
+[[recording]]
+role = "test"
+file = "none.csv"
+clock = {{ rate = "{rate} Hz" }}
+channels = {{ drive = "drive_V", signal = "signal_V" }}
+[stream]
+rate = "{rate} Hz"
+[stream.input.text]
+columns = ["drive_V", "signal_V"]
+[estimate]
+skip = "{} s"
+[[estimate.filter]]
+name = "EKF"
+method = "ekf"
+start = {{ x = "0 um", v = "0 um/s" }}
+start_sd = {{ x = "1 um", v = "{} um/s" }}
+"#,
+        0.1 * factor.powi(3),
+        0.1 / factor,
+        1e3 * factor,
+    );
+    let path = folder.join("oscillator.toml");
+    fs::write(&path, text).unwrap();
+    path
+}
+
+/// The events of a name of a stream from a connection, with the exit code.
+fn events_from_tcp(experiment: &Path, bytes: &[u8], name: &str) -> (Option<i32>, Vec<serde_json::Value>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("tcp://{}", listener.local_addr().unwrap());
+    let child = kalmems(experiment).args(["--from", &address]).spawn().unwrap();
+    let mut connection = listener.accept().unwrap().0;
+    let bytes = [bytes, b"# end\n"].concat();
+    let sender = std::thread::spawn(move || connection.write_all(&bytes).map(|()| connection));
+    let output = child.wait_with_output().unwrap();
+    let sent = sender.join().unwrap();
+    let lines = String::from_utf8(output.stdout).unwrap();
+    let events = lines.lines().filter_map(|line| line.strip_prefix("event,"));
+    let events = events.map(|event| serde_json::from_str::<serde_json::Value>(event).unwrap());
+    let found = events.filter(|event| event["event"] == name).collect();
+    assert!(sent.is_ok(), "{}", String::from_utf8_lossy(&output.stderr));
+    (output.status.code(), found)
+}
+
+/// Samples of 1 GHz, which no machine estimates, of 100 Hz, and of the example, whose recording is 24 ms long.
+#[test]
+fn a_stream_says_at_its_beginning_that_its_samples_come_faster_than_they_can_be_estimated() {
+    let folder = tempfile::tempdir().unwrap();
+    for (factor, expected) in [(1e5, 1), (1e-2, 0)] {
+        let motion = |k: f64, gain: f64, phase: f64| gain * (std::f64::consts::TAU * 0.03 * k - phase).cos();
+        let rows: String = (0..24_000)
+            .map(|k| format!("{},{}\n", motion(f64::from(k), 1.0, 0.0), motion(f64::from(k), 7e-3, 0.5)))
+            .collect();
+        let (code, events) = events_from_tcp(&oscillator(folder.path(), factor), rows.as_bytes(), "too_slow");
+        assert!(matches!(code, Some(0 | 6)), "{code:?}");
+        assert_eq!(events.len(), expected, "{factor} {events:?}");
+        for event in events {
+            let sustained_hz = event["sustained_hz"].as_f64().unwrap();
+            assert!(event["rate_hz"] == 1e9 && sustained_hz < 1e9, "{event}");
+        }
+    }
+    let recording = fs::read(example("recording.csv")).unwrap();
+    let (code, events) = events_from_tcp(&example("stream.toml"), &recording, "too_slow");
+    assert_eq!(code, Some(0));
+    let [event] = &events[..] else { panic!("{events:?}") };
+    assert_eq!(event["rate_hz"], 1e6);
+    assert!(event["time_s"].as_f64().is_some_and(|time_s| time_s < 0.024), "{event}");
+}
+
 /// A hang-up completes the files; the experiment is not read again, and no sample is lost.
 #[test]
 fn a_hangup_begins_the_next_file_and_ends_nothing() {
@@ -422,6 +546,53 @@ fn the_origin_of_times_stands_before_all_else_in_lines_frames_and_datagrams() {
     let count = viewer.recv(&mut datagram).unwrap();
     let first: serde_json::Value = serde_json::from_slice(&datagram[..count]).unwrap();
     assert_eq!(first["origin_s"], 1_700_000_000.25);
+}
+
+/// What systemd does with an exit code, by the lines of a unit with `Restart=on-failure`.
+fn is_restarted(unit: &str, code: i32) -> bool {
+    let codes = |key: &str| {
+        let line = unit.lines().find_map(|line| line.strip_prefix(key)).unwrap();
+        line.split_whitespace().map(|code| code.parse::<i32>().unwrap()).collect::<Vec<_>>()
+    };
+    let is_success = code == 0 || codes("SuccessExitStatus=").contains(&code);
+    !is_success && !codes("RestartPreventExitStatus=").contains(&code)
+}
+
+/// A stream that another start can mend is started again, and one that ended as it should, or always ends so, is not.
+#[test]
+fn the_unit_that_is_shipped_starts_a_stream_again_by_the_exit_codes_of_the_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let unit = fs::read_to_string(example("../service/kalmems-stream.service")).unwrap();
+    assert!(unit.lines().any(|line| line == "Restart=on-failure"));
+    let still = folder.path().join("still.csv");
+    let recording = fs::read_to_string(example("recording.csv")).unwrap();
+    let rows = recording.lines().skip(1).map(|line| {
+        let mut cells = line.split(',');
+        format!("{},0,{}\n", cells.next().unwrap(), cells.nth(1).unwrap())
+    });
+    fs::write(&still, rows.collect::<String>()).unwrap();
+    let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let (example_file, recording) = (example("stream.toml"), example("recording.csv"));
+    let none = folder.path().join("none.toml");
+    for (experiment, from, more, expected) in [
+        (&example_file, recording.to_str().unwrap(), "--json", (0, false)),
+        (&none, recording.to_str().unwrap(), "--json", (1, false)),
+        (&example_file, recording.to_str().unwrap(), "--jason", (2, false)),
+        (&example_file, &format!("tcp://{free}"), "--json", (4, true)),
+        (&example_file, still.to_str().unwrap(), "--json", (6, true)),
+    ] {
+        let output = kalmems(experiment).args(["--from", from, more]).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        let code = output.status.code().unwrap();
+        assert_eq!((code, is_restarted(&unit, code)), expected, "{from} {said}");
+    }
+    // As `systemctl stop` ends it.
+    let mut child = kalmems(&example_file).args(["--from", "listen://127.0.0.1:0"]).spawn().unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stderr.take().unwrap()).read_line(&mut line).unwrap();
+    signal(&child, "-TERM");
+    let code = child.wait().unwrap().code().unwrap();
+    assert_eq!((code, is_restarted(&unit, code)), (130, false));
 }
 
 /// What the book shows of it is in it.

@@ -11,6 +11,7 @@ mod from_recording;
 mod gaps;
 mod image;
 mod interruption;
+mod limits;
 mod live;
 mod new;
 mod ranges;

@@ -14,8 +14,9 @@ const CLOCK_ERROR: f64 = 2e-4;
 const BEHIND_S: f64 = 0.25;
 const CAUGHT_UP: f64 = 0.5;
 
-/// How long samples are estimated at the beginning until it is known whether that takes longer than they do, and how many there are at least.
-const TRIAL: (Duration, u64) = (Duration::from_millis(50), 16_384);
+/// How long samples are estimated at the beginning until it is known whether that takes longer than they do, and how many there are at least. A process
+/// that waits for a core does so for some milliseconds.
+const TRIAL: (Duration, u64) = (Duration::from_millis(25), 4096);
 
 /// How long the work on samples takes, that of their outputs included.
 #[derive(Default)]
@@ -133,7 +134,7 @@ mod tests {
         let mut watch = WorkWatch::default();
         let verdicts: Vec<(u32, f64)> = (0..100)
             .filter_map(|k| {
-                watch.take(4096, Duration::from_micros(10 * 4096));
+                watch.take(1024, Duration::from_micros(10 * 1024));
                 watch.verdict(200e3).map(|sustained_hz| (k, sustained_hz))
             })
             .collect();

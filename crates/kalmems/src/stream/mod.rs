@@ -56,6 +56,9 @@ const MOST: usize = 4096;
 /// For how many later samples one that is missing is waited for, where the experiment does not say it.
 const WAIT: u32 = 32;
 
+/// The most later samples that a missing one is waited for, as the schema says.
+const LONGEST_WAIT: u32 = 1_000_000;
+
 /// Samples that are kept to go on from, where the estimator does not need more before the new ones.
 const KEPT: usize = 8;
 
@@ -359,8 +362,13 @@ fn live_table(
             .error(Key::from("stream.input"), ConfigFault::Value { why: why.to_owned() })
             .into());
     }
+    let wait = described.wait.unwrap_or(WAIT);
+    if wait > LONGEST_WAIT {
+        let why = format!("found {wait} samples; expected at most {LONGEST_WAIT}");
+        return Err(experiment.error(Key::from("stream").child("wait"), ConfigFault::Value { why }).into());
+    }
     let settings = LiveSettings {
-        wait: described.wait.unwrap_or(WAIT) as usize,
+        wait: wait as usize,
         time,
         interval_s: 1.0 / described.rate.si(),
         longest_gap: longest_gap(layout, described.rate.si()),

@@ -93,7 +93,7 @@ pub(super) fn write_csv(
     let grid: Vec<_> = plan.grid().collect();
     let axes = grid.iter().map(|(_, axis)| axis.column.as_str());
     let names = ["recording", "segment", "estimator", "figure", "repeats", "median", "lowest", "highest"];
-    csv.write_record(["point"].into_iter().chain(axes).chain(names))?;
+    csv.write_record(["point"].into_iter().chain(axes).chain(names).map(|name| guarded(name).into_owned()))?;
     for column in columns {
         for spread in spreads(plan, table, (&of_rows, *column)) {
             let run = plan.run(spread.point * plan.description.repeats);

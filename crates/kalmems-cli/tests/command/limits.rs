@@ -1,0 +1,125 @@
+//! What comes from outside and is hostile, or too large.
+
+use std::ffi::OsStr;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+fn run(folder: &Path, arguments: &[&OsStr]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_kalmems"))
+        .current_dir(folder)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .output()
+        .unwrap()
+}
+
+/// A device of equations whose measurement is a curve, with a filter, for a recording of this role.
+fn experiment(measure: &str, more: &str) -> String {
+    format!(
+        r#"name = "oscillator"
+[device.equations]
+states = {{ x = "um", v = "um/s" }}
+inputs = {{ drive = "V" }}
+derivative = {{ x = "v", v = "force*drive - w0/50*v - w0^2*x" }}
+measure = {{ signal = "{measure}" }}
+noise = {{ signal = "1e-4[V^2]", v = "0.1[um^2/s^3]" }}
+[device.equations.parameters]
+w0 = "1916 rad/s"
+force = "1e3 um/s^2/V"
+gain = "1 V/um"
+[[recording]]
+file = "recording.csv"
+clock = {{ rate = "10 kHz" }}
+channels = {{ drive = "drive_V", signal = "signal_V" }}
+{more}
+[[estimate.filter]]
+name = "EKF"
+method = "ekf"
+start = {{ x = "0 um", v = "0 um/s" }}
+start_sd = {{ x = "1 um", v = "1e3 um/s" }}
+"#
+    )
+}
+
+/// ESC, which begins commands of a terminal, and the letter that turns the direction of those behind it.
+#[cfg(unix)]
+#[test]
+fn a_path_that_commands_a_terminal_is_shown_with_the_numbers_of_its_letters() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = "a\u{1b}[2Jb\u{202e}c";
+    let inner = folder.path().join(name);
+    fs::create_dir(&inner).unwrap();
+    let of_example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/shared_scanner");
+    fs::copy(of_example.join("recording.csv"), inner.join(format!("{name}.csv"))).unwrap();
+    let stream = fs::read_to_string(of_example.join("stream.toml")).unwrap();
+    fs::write(inner.join("stream.toml"), stream).unwrap();
+    let at = |file: &str| inner.join(file).into_os_string();
+    let (recording, none) = (at(&format!("{name}.csv")), at("none.toml"));
+    let option = OsStr::new(&format!("--{name}")).to_owned();
+    for (command, code) in [
+        // Its recording is not there.
+        (vec![OsStr::new("estimate"), &at("stream.toml")], 1),
+        (vec![OsStr::new("inspect"), &recording], 0),
+        (vec![OsStr::new("stream"), &none], 1),
+        (vec![OsStr::new("compare"), &none, &recording], 1),
+        (vec![OsStr::new("estimate"), &option], 2),
+    ] {
+        let output = run(folder.path(), &command);
+        assert_eq!(output.status.code(), Some(code), "{command:?}");
+        let shown = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert!(!shown.contains(['\u{1b}', '\u{202e}']), "{command:?} {shown:?}");
+        assert!(shown.contains("\\u{202e}"), "{command:?} {shown:?}");
+    }
+}
+
+/// A missing sample would be waited for with all later ones in memory.
+#[test]
+fn a_stream_that_waits_for_too_many_samples_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let of_example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/shared_scanner");
+    let stream = fs::read_to_string(of_example.join("stream.toml")).unwrap();
+    fs::write(folder.path().join("s.toml"), stream.replace("wait = 32 ", "wait = 1000001 ")).unwrap();
+    let output = run(folder.path(), &["stream", "s.toml"].map(OsStr::new));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("stream.wait: found 1000001 samples; expected at most 1000000"), "{said}");
+}
+
+/// The file ends in words, which a table that is read to its end is refused for.
+#[test]
+fn a_curve_of_too_many_points_is_refused_before_it_is_read_to_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let tables = "role = \"test\"\n[device.equations.tables]\nC = { file = \"C.csv\", x = \"x_um\", y = \"C_V\" }\n[estimate]\nskip = \"0.1 s\"";
+    fs::write(folder.path().join("e.toml"), experiment("C(x)", tables)).unwrap();
+    for (rows, expected) in [(1_100_000, "more than 1048576 rows"), (1000, "`words` is no number")] {
+        let points: String = (0..rows).map(|k| format!("{k},{k}\n")).collect();
+        fs::write(folder.path().join("C.csv"), format!("x_um,C_V\n{points}words,0\n")).unwrap();
+        let output = run(folder.path(), &["estimate", "e.toml", "--out", "out"].map(OsStr::new));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(1) && said.contains(expected), "{said}");
+    }
+}
+
+/// The program itself takes 220 MB of addresses as tests are built; 8 million rows of two columns take 128 MB, and twice that while they grow.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_identification_that_does_not_fit_into_the_memory_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let sought = "role = \"training\"\n[identify]\nparameters = [\"w0\"]\n[estimate]\nskip = \"0.1 s\"";
+    fs::write(folder.path().join("e.toml"), experiment("gain*x in V", sought)).unwrap();
+    fs::write(
+        folder.path().join("recording.csv"),
+        "drive_V,signal_V\n".to_owned() + &"1,2\n3,1\n".repeat(4_000_000),
+    )
+    .unwrap();
+    let output = Command::new("sh")
+        .current_dir(folder.path())
+        .args(["-c", "ulimit -v 300000 && exec \"$0\" identify e.toml --out out"])
+        .arg(env!("CARGO_BIN_EXE_kalmems"))
+        .output()
+        .unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("recording.csv") && said.contains("the memory does not suffice"), "{said}");
+}
