@@ -252,7 +252,7 @@ impl RestReading<'_> {
             "rest",
             format!("At rest: {}", rest.file.display()),
             "The mean of each piece of the record with its standard deviation to either side, before anything is computed from them. A piece counts as moving if \
-             its variance exceeds the median of all by more than noise explains, and is not judged if it has a gap; all others count as still. Several \
+             its variance exceeds the median of all by more than noise explains, and is not judged if it has a gap or fewer samples than the others. Several \
              records follow one another.",
         );
         self.channels.iter().fold(figure, |figure, channel| figure.with(panel_of_pieces(channel)))
