@@ -35,6 +35,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     fs::write(figures.join("calibration_noise.md"), noise_table(&shares))?;
     fs::write(figures.join("calibration_noise.svg"), noise_figure(&shares).to_svg())?;
     fs::write(figures.join("calibration_budget.svg"), budget_by_stage(&root)?.to_svg())?;
+    let unit = GyroscopeCalibration::load(&root.join("examples/inertial_unit/unit.toml"))?;
+    for figure in calibration_figures(&calibrate(&unit, &Silent)?) {
+        match figure.id.as_str() {
+            "rest" => fs::write(figures.join("calibration_still.svg"), figure.to_svg())?,
+            "allan" => fs::write(figures.join("calibration_allan.svg"), figure.to_svg())?,
+            _ => (),
+        }
+    }
     Ok(())
 }
 

@@ -78,7 +78,7 @@ pub fn calibrate_with_parts(
             results.push(against.calibrate(&known)?);
         }
     }
-    let MeasuredRest { axes: rest, motions, remarks } = rest_record::measure(&mut files)?;
+    let MeasuredRest { axes: rest, motions, remarks, parts: rest_parts } = rest_record::measure(&mut files)?;
     let mut records: Vec<RecordOutcome> = positions_record::measure(&mut files)?.into_iter().collect();
     for positions in &mut records {
         compare_angles(&mut results, positions);
@@ -119,6 +119,7 @@ pub fn calibrate_with_parts(
         results,
         rest,
         rest_motions: motions,
+        rest_parts,
         records,
         sources,
         findings,

@@ -4,20 +4,24 @@
 //!
 //! - A motion that comes and goes: the variances about their own means of 16 to 127 pieces of the record, by their median. Of
 //!   white noise they are χ² by its degrees of freedom; 30 of these at most are counted on, so that coloured noise is not taken for
-//!   motion. A piece stands out from some 2.6 times the median on: a motion as large as 1.3 standard deviations of the noise.
+//!   motion. A piece of a long record stands out from some 2.6 times the median on: a motion as large as 1.3 standard deviations of the
+//!   noise. Of 64 samples the pieces have four each, and one stands out from some 15 times the median on.
 //! - A motion that lasts: lines of the longest stretch's spectrum ([`RestSpectrum`]).
 //!
 //! What turns the unit at a constant rate throughout cannot be told from its bias, and what swings less than 33 times in the
 //! record, as long and as slow as the bias wanders, not from that.
 
-use super::rest_samples::RestSamples;
+use super::rest_samples::{Piece, RestSamples};
 use super::rest_spectrum::{RestLine, RestSpectrum};
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
-/// Pieces that are compared at most, fewer of a short record, how many at least, and samples that each has at least.
+/// Pieces that are compared at most, fewer of a short record, and how many at least.
 const MOST_PIECES: usize = 127;
 const FEWEST_PIECES: usize = 16;
-const SHORTEST_PIECE: usize = 16;
+/// Samples that a piece has at least, of the shortest record and of one that is long enough.
+const SHORTEST_PIECE: [usize; 2] = [4, 16];
+/// The median of variances is known as well as their mean by this part of them (0.64 of many, less of few).
+const KNOWN_BY_MEDIAN: f64 = 0.5;
 
 /// How often noise alone is called a motion.
 pub(super) const FALSE_ALARMS: f64 = 1e-3;
@@ -37,32 +41,76 @@ pub(super) enum RestMotion {
     },
     /// A line of the spectrum.
     Line(RestLine),
+    /// Gaps leave too few pieces to tell.
+    Unknown,
 }
 
-/// The motions in a record at rest, with the spectrum of the longest run of its samples.
-pub(super) fn motions(samples: &RestSamples, spectrum: Option<&RestSpectrum>) -> Vec<RestMotion> {
-    let lines = spectrum.into_iter().flat_map(RestSpectrum::lines);
-    passing(samples).into_iter().chain(lines.map(RestMotion::Line)).collect()
+/// What a piece of a record at rest is taken for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PieceState {
+    Still,
+    Moving,
+    /// It has a gap or fewer samples than the others, or there are too few pieces.
+    NotJudged,
 }
 
-fn passing(samples: &RestSamples) -> Option<RestMotion> {
-    let mut pieces = samples.pieces(MOST_PIECES, SHORTEST_PIECE);
-    let length = pieces.first()?.moments.count;
-    let all = pieces.len();
-    pieces.retain(|piece| piece.is_of_one_stretch() && piece.moments.count == length);
-    if pieces.len() < FEWEST_PIECES || 2 * pieces.len() < all {
-        return None;
+/// The pieces of a record at rest with what each is taken for.
+pub(super) struct RestPieces {
+    pub each: Vec<(Piece, PieceState)>,
+    /// The median of the variances of the pieces that are judged.
+    usual: f64,
+}
+
+impl RestPieces {
+    pub fn of(samples: &RestSamples) -> Self {
+        let [short, long] = SHORTEST_PIECE;
+        let shortest = 1 << (samples.count() / FEWEST_PIECES).max(1).ilog2();
+        let pieces = samples.pieces(MOST_PIECES, usize::clamp(shortest, short, long));
+        let length = pieces.first().map_or(0, |piece| piece.moments.count);
+        let is_whole = |piece: &Piece| piece.is_of_one_stretch() && piece.moments.count == length;
+        let mut sorted: Vec<f64> =
+            pieces.iter().filter(|piece| is_whole(piece)).map(|piece| piece.moments.variance()).collect();
+        let (whole, all) = (sorted.len(), pieces.len());
+        let limits = (whole >= FEWEST_PIECES && 2 * whole >= all).then(|| {
+            let usual = *sorted.select_nth_unstable_by(whole / 2, f64::total_cmp).1;
+            Some([usual, usual * largest_ratio(length, whole)?])
+        });
+        let limits = limits.flatten();
+        let state = |piece: &Piece| match limits {
+            Some([_, most]) if is_whole(piece) && piece.moments.variance() > most => PieceState::Moving,
+            Some(_) if is_whole(piece) => PieceState::Still,
+            _ => PieceState::NotJudged,
+        };
+        let each = pieces.into_iter().map(|piece| (piece, state(&piece))).collect();
+        Self { each, usual: limits.map_or(f64::NAN, |[usual, _]| usual) }
     }
-    let mut sorted: Vec<f64> = pieces.iter().map(|piece| piece.moments.variance()).collect();
-    let middle = sorted.len() / 2;
-    let usual = *sorted.select_nth_unstable_by(middle, f64::total_cmp).1;
+
+    /// The motions, with the spectrum of the longest run of the samples.
+    pub fn motions(&self, spectrum: Option<&RestSpectrum>) -> Vec<RestMotion> {
+        let lines = spectrum.into_iter().flat_map(RestSpectrum::lines);
+        self.passing().into_iter().chain(lines.map(RestMotion::Line)).collect()
+    }
+
+    fn passing(&self) -> Option<RestMotion> {
+        if self.each.iter().all(|(_, state)| *state == PieceState::NotJudged) {
+            return Some(RestMotion::Unknown);
+        }
+        let out =
+            || self.each.iter().filter(|(_, state)| *state == PieceState::Moving).map(|(piece, _)| piece);
+        let (first, last) = (out().next()?, out().next_back()?);
+        let worst = out().map(|piece| piece.moments.variance()).fold(0.0, f64::max);
+        let times = (worst / self.usual).sqrt();
+        Some(RestMotion::Passing { time_s: [first.time_s[0], last.time_s[1]], times })
+    }
+}
+
+/// The ratio to the median that the largest variance of so many pieces of so many samples hardly exceeds.
+fn largest_ratio(length: usize, pieces: usize) -> Option<f64> {
     let freedom = FREEDOM.min((length - 1) as f64);
-    let law = ChiSquared::new(freedom).ok()?;
-    let most = law.inverse_cdf(1.0 - FALSE_ALARMS / pieces.len() as f64) / law.inverse_cdf(0.5);
-    let out = || pieces.iter().filter(|piece| piece.moments.variance() > most * usual);
-    let (first, last) = (out().next()?, out().next_back()?);
-    let worst = out().map(|piece| piece.moments.variance()).fold(0.0, f64::max);
-    Some(RestMotion::Passing { time_s: [first.time_s[0], last.time_s[1]], times: (worst / usual).sqrt() })
+    let of_median = KNOWN_BY_MEDIAN * pieces as f64 * freedom;
+    let law = FisherSnedecor::new(freedom, of_median).ok()?;
+    let middle = ChiSquared::new(freedom).ok()?.inverse_cdf(0.5) / freedom;
+    Some(law.inverse_cdf(1.0 - FALSE_ALARMS / pieces as f64) / middle)
 }
 
 #[cfg(test)]
@@ -75,7 +123,7 @@ mod tests {
     /// Of samples with an interval of 1 s.
     fn motions(values: &[f64]) -> Vec<RestMotion> {
         let samples = RestSamples::of(values, 1.0);
-        super::motions(&samples, RestSpectrum::of(samples.longest()).as_ref())
+        RestPieces::of(&samples).motions(RestSpectrum::of(samples.longest()).as_ref())
     }
 
     /// White noise, with a walk and a flicker of about its size over the record where that is wanted.
@@ -91,7 +139,8 @@ mod tests {
 
     #[test]
     fn noise_alone_shows_no_motion() {
-        for (walk, samples) in [(0.0, 4096), (0.02, 4096), (0.0, 600), (0.02, 300)] {
+        let each = [(0.0, 4096), (0.02, 4096), (0.0, 600), (0.02, 300), (0.0, 200), (0.02, 130), (0.0, 64)];
+        for (walk, samples) in each {
             let alarms = (0..300).filter(|seed| !motions(&noise(*seed, samples, walk)).is_empty()).count();
             // 0.6 are expected at most; five or more come once in 2000 times.
             assert!(alarms < 5, "walk {walk}, {samples}: {alarms}");
@@ -114,12 +163,14 @@ mod tests {
 
     #[test]
     fn a_shake_in_a_short_record_is_found() {
-        let mut values = noise(1, 700, 0.0);
-        for (i, value) in values.iter_mut().enumerate().skip(300).take(60) {
-            *value += 5.0 * (TAU * 0.07 * i as f64).sin();
+        for (samples, size) in [(700, 5.0), (200, 5.0), (64, 20.0)] {
+            let mut values = noise(1, samples, 0.0);
+            for (i, value) in values.iter_mut().enumerate().skip(samples / 2).take(samples / 10) {
+                *value += size * (TAU * 0.17 * i as f64).portable_sin();
+            }
+            let found = motions(&values);
+            assert!(matches!(found.first(), Some(RestMotion::Passing { .. })), "{samples}: {found:?}");
         }
-        let found = motions(&values);
-        assert!(matches!(found.first(), Some(RestMotion::Passing { .. })), "{found:?}");
     }
 
     #[test]
@@ -151,9 +202,14 @@ mod tests {
         }
     }
 
+    /// Twenty of each 64 samples are missing: no piece is one stretch, and that is said instead of nothing.
     #[test]
-    fn too_short_a_record_shows_nothing() {
-        assert_eq!(motions(&noise(1, 40, 0.0)), []);
-        assert_eq!(motions(&[]), []);
+    fn a_record_in_which_motion_cannot_be_seen_is_not_called_still() {
+        let mut values = noise(1, 4096, 0.0);
+        for first in (0..4096).step_by(64) {
+            values[first..first + 20].fill(f64::NAN);
+        }
+        assert_eq!(motions(&values), [RestMotion::Unknown]);
+        assert_eq!(motions(&noise(1, 40, 0.0)), [RestMotion::Unknown]);
     }
 }

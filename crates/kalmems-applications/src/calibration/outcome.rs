@@ -8,6 +8,7 @@ use super::tone::AXES;
 use crate::calibration::file::GyroscopeCalibration;
 use crate::metrology::{Combined, Input, PropagationComparison, or_null};
 use crate::recording::RecordingSource;
+use kalmems_figures::Figure;
 use serde::Serialize;
 
 /// A calibration.
@@ -25,6 +26,8 @@ pub struct Calibration {
     pub rest: Vec<AxisAtRest>,
     /// Motions in it, in sentences: it is none at rest then.
     pub rest_motions: Vec<String>,
+    /// The still and the moving parts of the record at rest.
+    pub rest_parts: Option<Figure>,
     /// Records of other kinds, such as that of positions.
     pub records: Vec<RecordOutcome>,
     /// The files that were read, each once.

@@ -3,7 +3,7 @@
 use super::error::CalibrationError;
 use super::file::{InertialUnit, RestRecord, is_per_record};
 use super::files::{InputFiles, columns, require_usable_record, require_within};
-use super::motion::{RestMotion, motions};
+use super::motion::{PieceState, RestMotion, RestPieces};
 use super::rest::{AxisAtRest, InertialSensor};
 use super::rest_lines::RestLines;
 use super::rest_samples::RestSamples;
@@ -15,6 +15,7 @@ use crate::config::{Clock, Key};
 use crate::estimate::EstimateError;
 use crate::recording::{Finding, FindingKind, Stretch, StretchSize};
 use crate::units::{Kind, kind};
+use kalmems_figures::{Axis, Figure, Panel, Series, SeriesRole};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
@@ -31,13 +32,18 @@ pub(super) struct MeasuredRest {
     pub motions: Vec<String>,
     /// What else its reader has to know, in sentences.
     pub remarks: Vec<String>,
+    /// The still and the moving parts of each channel.
+    pub parts: Option<Figure>,
 }
 
 pub(super) fn measure(files: &mut InputFiles) -> Result<MeasuredRest, CalibrationError> {
     let file = files.file;
     let Some(rest) = &file.rest else { return Ok(MeasuredRest::default()) };
     let mut reading = RestReading::of(rest, rest.of_unit(&file.gyroscope));
-    reading.read_all(files, rest)?;
+    let read = reading.read_all(files, rest);
+    let parts = reading.figure(rest);
+    files.parts.push(parts.clone());
+    read?;
     if rest.subtract_lines {
         let of = |channel: &RestChannel| {
             RestSpectrum::of(channel.samples.longest()).map_or_else(Vec::new, |found| found.lines())
@@ -53,7 +59,7 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<MeasuredRest, Calibratio
         }
     }
     let interval_s = reading.interval_sum_s / reading.rows;
-    let mut found = MeasuredRest { remarks: reading.remarks, ..MeasuredRest::default() };
+    let mut found = MeasuredRest { remarks: reading.remarks, parts: Some(parts), ..MeasuredRest::default() };
     // One after the other, as each holds what the spectrum is taken of.
     for channel in reading.channels {
         found.measure(channel, interval_s)?;
@@ -240,6 +246,18 @@ impl<'a> RestReading<'a> {
 }
 
 impl RestReading<'_> {
+    /// What each piece of the channels is taken for. Of long records the pieces are all that is kept of the samples.
+    fn figure(&self, rest: &RestRecord) -> Figure {
+        let figure = Figure::new(
+            "rest",
+            format!("At rest: {}", rest.file.display()),
+            "The mean of each piece of the record with its standard deviation to either side, before anything is computed from them. A piece counts as moving if \
+             its variance exceeds the median of all by more than noise explains, and is not judged if it has a gap or fewer samples than the others. Several \
+             records follow one another.",
+        );
+        self.channels.iter().fold(figure, |figure, channel| figure.with(panel_of_pieces(channel)))
+    }
+
     /// The places of the next rows in their record, in samples.
     fn places(&mut self, fresh: &Range<usize>, missing: &[MissingBefore]) -> Vec<f64> {
         let mut missing = missing.iter().peekable();
@@ -250,6 +268,40 @@ impl RestReading<'_> {
         });
         each.collect()
     }
+}
+
+fn panel_of_pieces(channel: &RestChannel) -> Panel {
+    let (factor, unit) = match channel.sensor {
+        InertialSensor::Gyroscope => (1.0_f64.to_degrees(), "deg/s"),
+        InertialSensor::Accelerometer => (1.0, "m/s^2"),
+    };
+    let (mut band, mut moving, mut not_judged) = (Vec::new(), Vec::new(), Vec::new());
+    // Each record has times of its own.
+    let (mut shift, mut last) = (0.0, f64::NEG_INFINITY);
+    for (piece, state) in RestPieces::of(&channel.samples).each {
+        let [from, to] = piece.time_s;
+        if from + shift < last {
+            shift = last - from;
+        }
+        last = (to + shift).max(last);
+        let (mean, half) = (factor * piece.moments.mean, factor * piece.moments.variance().sqrt());
+        band.extend([from + shift, last].map(|time_s| (time_s, mean - half, mean + half)));
+        match state {
+            PieceState::Still => (),
+            PieceState::Moving => moving.push([from + shift, last]),
+            PieceState::NotJudged => not_judged.push([from + shift, last]),
+        }
+    }
+    let low = band.iter().map(|(_, low, _)| *low).fold(f64::INFINITY, f64::min);
+    let high = band.iter().map(|(_, _, high)| *high).fold(f64::NEG_INFINITY, f64::max);
+    let name = channel.sensor.axis(channel.axis);
+    let panel = Panel::new(Axis::new("time", "s"), Axis::new(format!("output of {name}"), unit))
+        .with(Series::band("mean ± standard deviation", SeriesRole::Measured, band));
+    let marked = [("moving", SeriesRole::Failure, moving), ("not judged", SeriesRole::Bound, not_judged)];
+    let there = marked.into_iter().filter(|(.., spans)| !spans.is_empty());
+    there.fold(panel, |panel, (label, role, spans)| {
+        panel.with(Series::spans(label, role, &spans, [low, high]))
+    })
 }
 
 impl MeasuredRest {
@@ -289,7 +341,7 @@ impl MeasuredRest {
                 frequency_hz
             ));
         }
-        for motion in motions(&samples, spectrum.as_ref()) {
+        for motion in RestPieces::of(&samples).motions(spectrum.as_ref()) {
             let said = describe(&motion, interval_s, sensor.unit());
             self.motions.push(format!("{place}: the record is called one at rest, and {said}"));
         }
@@ -327,5 +379,7 @@ fn describe(motion: &RestMotion, interval_s: f64, unit: &str) -> String {
              rest.",
             frequency / interval_s
         ),
+        RestMotion::Unknown => "its gaps leave fewer than 16 pieces of equal length, or fewer than half of them: whether it moves cannot be told."
+            .to_owned(),
     }
 }

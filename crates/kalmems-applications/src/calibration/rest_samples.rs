@@ -6,7 +6,7 @@ use crate::signal::OctaveSums;
 
 /// Pieces of a record at most, and samples of one at least.
 const MOST_PIECES: usize = 128;
-const SHORTEST_PIECE: usize = 8;
+const SHORTEST_PIECE: usize = 4;
 /// A piece with a gap as long as one of so many parts of it is no piece of one stretch.
 const PART_OF_PIECE: usize = 10;
 

@@ -599,6 +599,7 @@ pub fn calibration_figures(found: &Calibration) -> Vec<Figure> {
     let mut figures: Vec<Figure> =
         found.results.iter().filter(|r| r.records.len() > 1).map(of_records).collect();
     figures.extend(found.results.iter().map(of_budget));
+    figures.extend(found.rest_parts.clone());
     for sensor in [InertialSensor::Gyroscope, InertialSensor::Accelerometer] {
         let rests: Vec<&AxisAtRest> = found.rest.iter().filter(|rest| rest.sensor == sensor).collect();
         if !rests.is_empty() {
@@ -1007,7 +1008,8 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     if !found.rest.is_empty() {
         let rests: Vec<&AxisAtRest> = found.rest.iter().collect();
         let section = at_rest(&rests).fold(PageSection::new("At rest"), PageSection::table);
-        page = page.with(with_figures(section, &|id| id.starts_with("allan") || id.starts_with("density")));
+        let is_of_rest = |id: &str| ["rest", "allan", "density"].iter().any(|kind| id.starts_with(kind));
+        page = page.with(with_figures(section, &is_of_rest));
     }
     for record in &found.records {
         let section =

@@ -3,9 +3,11 @@
 use super::simulated::{Noise, TURNS, UNIT};
 use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::{
-    Calibration, CalibrationError, Certificate, GyroscopeCalibration, calibrate,
+    Calibration, CalibrationError, Certificate, GyroscopeCalibration, calibrate, calibrate_with_parts,
+    calibration_figures,
 };
 use kalmems_engines::progress::Silent;
+use kalmems_figures::{SeriesRole, Shape};
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs;
@@ -88,6 +90,12 @@ fn a_saturated_record_at_rest_is_refused_by_its_column() {
     assert!(file("a_rad_per_s").is_ok());
     let refused = file("b_rad_per_s").unwrap_err().to_string();
     assert!(refused.contains("b_rad_per_s") && refused.contains("clipped"), "{refused}");
+    // Its parts are drawn all the same.
+    let text = "name = \"r\"\n[sensor]\nrate = \"10 Hz\"\nchannels = { z = \"b_rad_per_s\" }\n[rest]\nfile = \"rest.csv\"\n";
+    let refused = GyroscopeCalibration::parse(text, &folder.path().join("file.toml")).unwrap();
+    let mut parts = Vec::new();
+    assert!(calibrate_with_parts(&refused, &Silent, &mut parts).is_err());
+    assert!(parts.len() == 1 && parts[0].id == "rest" && parts[0].panels[0].series.len() == 1);
     // What the range is stated to be, of the unit or of the column.
     let stated = "{ column = \"a_rad_per_s\", full_scale = \"0.02 rad/s\" }";
     let of_column = format!(
@@ -100,6 +108,58 @@ fn a_saturated_record_at_rest_is_refused_by_its_column() {
         assert!(refused.contains("a_rad_per_s") && refused.contains("clipped"), "{refused}");
         assert!(calibrated(&text.replace("0.02 rad/s", "0.2 rad/s"), folder.path()).is_ok());
     }
+}
+
+/// Of a record of each kind, by the file of the example that has it.
+#[test]
+fn a_range_that_ends_refuses_a_record_of_each_kind() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/inertial_unit");
+    for (file, kind) in [
+        ("unit.toml", "rest"),
+        ("unit.toml", "positions"),
+        ("table.toml", "rates"),
+        ("table.toml", "temperature"),
+        ("motion.toml", "turns"),
+    ] {
+        let text = fs::read_to_string(folder.join(file)).unwrap();
+        let with_range = |range: &str| {
+            let mut table: toml::Table = text.parse().unwrap();
+            table.retain(|key, _| ["name", "sensor", kind].contains(&key));
+            table["sensor"].as_table_mut().unwrap().insert("full_scale".to_owned(), range.into());
+            calibrated(&table.to_string(), &folder)
+        };
+        let refused = with_range("0.001 deg/s").unwrap_err().to_string();
+        assert!(refused.contains("_dps") && refused.contains("clipped"), "{kind}: {refused}");
+        assert!(with_range("10000 deg/s").is_ok(), "{kind}");
+    }
+}
+
+/// A shake from 300 to 320 s; that and no other part of the record is drawn as one that moves.
+#[test]
+fn the_still_and_the_moving_parts_of_a_record_at_rest_are_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut noise = Noise::new(16);
+    let mut rows = "g_rad_per_s\n".to_owned();
+    for k in 0..8192 {
+        let shake = if (3000..3200).contains(&k) { 1e-2 * (0.4 * f64::from(k)).sin() } else { 0.0 };
+        writeln!(rows, "{:.8}", 0.01 + shake + 1e-3 * noise.normal()).unwrap();
+    }
+    fs::write(folder.path().join("rest.csv"), rows).unwrap();
+    let text = "name = \"r\"\n[sensor]\nrate = \"10 Hz\"\nchannels = { z = \"g_rad_per_s\" }\n[rest]\nfile = \"rest.csv\"\n";
+    let figures = calibration_figures(&calibrated(text, folder.path()).unwrap());
+    let panel = &figures.iter().find(|figure| figure.id == "rest").unwrap().panels[0];
+    let spans = |role: SeriesRole| -> Vec<[f64; 2]> {
+        let of_role = panel.series.iter().filter(|series| series.role() == role);
+        let runs = of_role
+            .filter_map(|series| if let Shape::Band(runs) = series.shape() { Some(runs) } else { None });
+        runs.flatten().map(|run| [run[0][0], run[run.len() - 1][0]]).collect()
+    };
+    let moving = spans(SeriesRole::Failure);
+    assert!(moving.iter().all(|[from, to]| *from > 290.0 && *to < 330.0), "{moving:?}");
+    assert!(moving[0][0] < 301.0 && moving[moving.len() - 1][1] > 319.0, "{moving:?}");
+    let [[first, last]] = spans(SeriesRole::Measured)[..] else { panic!("one band") };
+    assert!(first < 1e-9 && last > 819.0, "{first} {last}");
+    assert!(spans(SeriesRole::Bound).is_empty());
 }
 
 /// Several files of one unit are pooled; a name that is not there is named with those that are.
@@ -126,6 +186,33 @@ fn records_at_rest_in_several_files_are_pooled() {
     let unnamed = text.replace("records = [\"a\", \"b\", \"c\"]\n", "");
     let refused = GyroscopeCalibration::parse(&unnamed, &folder.path().join("file.toml")).unwrap_err();
     assert!(refused.to_string().contains("needs their names"), "{refused}");
+}
+
+/// White noise that is averaged over eight samples, which is no low pass of first order: the fit begins beyond, and that is said.
+#[test]
+fn a_fit_that_holds_at_long_averaging_times_only_says_from_when() {
+    const WALK: f64 = 1e-3;
+    let folder = tempfile::tempdir().unwrap();
+    let text = "name = \"r\"\n[sensor]\nrate = \"10 Hz\"\nchannels = { z = \"g_rad_per_s\" }\n[rest]\nfile = \"rest.csv\"\n";
+    let mut held = 0;
+    for seed in 0..8 {
+        let mut noise = Noise::new(seed);
+        let white: Vec<f64> = (0..8200).map(|_| WALK * 10.0_f64.sqrt() * noise.normal()).collect();
+        let mut rows = "g_rad_per_s\n".to_owned();
+        for part in white.windows(8) {
+            writeln!(rows, "{:.8}", 0.02 + part.iter().sum::<f64>() / 8.0).unwrap();
+        }
+        fs::write(folder.path().join("rest.csv"), rows).unwrap();
+        let found = calibrated(text, folder.path()).unwrap();
+        let fit = found.rest[0].noise_fit.unwrap();
+        assert!(fit.left_out > 0 && fit.from_s >= 0.2, "{fit:?}");
+        let said = found.findings.join("; ");
+        assert!(said.contains(&format!("begins at an averaging time of {:.4} s", fit.from_s)), "{said}");
+        let [low, high] = found.rest[0].angle_random_walk_interval.unwrap();
+        held += usize::from(low < WALK && WALK < high);
+    }
+    // Four or fewer of eight come once in 2700 times.
+    assert!(held >= 5, "{held}");
 }
 
 /// Three parts of a record with a line, of which samples are missing in one place.
