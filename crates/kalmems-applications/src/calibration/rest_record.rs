@@ -42,7 +42,10 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<MeasuredRest, Calibratio
     let mut reading = RestReading::of(rest, rest.of_unit(&file.gyroscope));
     let read = reading.read_all(files, rest);
     let parts = reading.figure(rest);
-    files.parts.push(parts.clone());
+    // Of a file that cannot be read there is nothing to look at.
+    if reading.rows > 0.0 {
+        files.parts.push(parts.clone());
+    }
     read?;
     if rest.subtract_lines {
         let of = |channel: &RestChannel| {
