@@ -339,9 +339,9 @@ pub struct DiagnoseArguments {
     /// the recording does not tell apart, none is written unless `--cause` names it.
     #[arg(long, value_name = "FILE")]
     pub write: Option<PathBuf>,
-    /// The cause to write, by its place in the list: 1 for the first.
-    #[arg(long, value_name = "N", requires = "write")]
-    pub cause: Option<NonZero<usize>>,
+    /// The cause to write, by its name or its place in the list: 1 for the first.
+    #[arg(long, value_name = "NAME", requires = "write")]
+    pub cause: Option<String>,
     /// Write the report, a page to look into, to this HTML file as well.
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,

@@ -28,25 +28,21 @@ pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), C
         tell!("the report: {}", path.display());
     }
     let Some(beside) = beside else { return Ok(()) };
-    let cause = match (arguments.cause, found.causes.as_slice()) {
-        (Some(place), causes) => {
-            let chosen = place.get().checked_sub(1).and_then(|place| causes.get(place));
-            Some(chosen.ok_or_else(|| {
-                CommandEnding::Wrong(format!("`--cause {place}`: {} causes were found", causes.len()))
-            })?)
-        }
-        (None, causes) if !found.is_ambiguous() => causes.iter().find(|cause| cause.withheld.is_none()),
-        (None, causes) => {
-            let names =
-                causes.iter().enumerate().map(|(place, cause)| format!("{}: {}", place + 1, cause.name));
-            return Err(CommandEnding::Wrong(format!(
-                "nothing is written: the recording does not tell these {} causes apart, which give different answers, and another one than the true one makes the estimate \
-                 worse; name the one to write by its place, such as `--cause 1` ({})",
-                causes.len(),
-                names.collect::<Vec<_>>().join("; ")
-            )));
-        }
-    };
+    let named = arguments.cause.as_deref();
+    let cause = found.chosen(named);
+    if cause.is_none() && (named.is_some() || found.is_ambiguous()) {
+        let names = found.causes.iter().enumerate();
+        let names: Vec<String> =
+            names.map(|(place, cause)| format!("{}: {}", place + 1, cause.name)).collect();
+        let why = named.map_or_else(
+            || format!("{} Another one than the true one makes the estimate worse", found.ambiguity()),
+            |named| format!("no cause is called `{named}`"),
+        );
+        return Err(CommandEnding::Wrong(format!(
+            "nothing is written: {why}; name the one to write by its place or its name, such as `--cause 1` ({})",
+            names.join("; ")
+        )));
+    }
     let text = cause.filter(|cause| !cause.edits.is_empty());
     let Some(text) = text.and_then(|cause| pasted(&experiment, cause)) else {
         tell!("nothing is written: no cause was found that an experiment file can state");

@@ -101,7 +101,7 @@ pub struct CauseReport {
 }
 
 /// A key of the experiment with its new value.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Edit {
     /// The key.
     pub key: String,
@@ -110,9 +110,12 @@ pub struct Edit {
     pub from: Option<String>,
     /// What is to stand there, as TOML.
     pub to: String,
-    /// The relative standard error of a factor, or the standard error in the unit of the value.
+    /// The relative standard error of a factor, or the standard error in the unit of the value, if its cause is the true one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sd: Option<f64>,
+    /// The largest relative difference between this value and the one that another cause of the same list leaves or writes there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub across: Option<f64>,
 }
 
 impl Diagnosis {
@@ -129,8 +132,9 @@ impl Diagnosis {
             Some(found) if found.causes.is_empty() => DiagnosisFinding::NoneOfThese,
             Some(_) => DiagnosisFinding::Explained,
         };
-        let reports =
-            |all: &[ExaminedCause]| all.iter().map(|found| report((bench, suspects), found)).collect();
+        let reports = |all: &[ExaminedCause]| -> Vec<CauseReport> {
+            all.iter().map(|found| report((bench, suspects), found)).collect()
+        };
         let explained = explained.as_ref();
         let findings = if base.is_its_own() { base.findings() } else { Vec::new() };
         Self {
@@ -143,7 +147,7 @@ impl Diagnosis {
             tests: steps.map(|steps| steps.to_string()).into_iter().chain(findings).collect(),
             tried: explained.map_or(0, |found| found.tried),
             needed: explained.map_or(0.0, |found| found.needed),
-            causes: explained.map_or_else(Vec::new, |found| reports(&found.causes)),
+            causes: explained.map_or_else(Vec::new, |found| compared(reports(&found.causes))),
             answers_differ: explained.and_then(|found| answers_differ(&found.causes)),
             proposal,
             closest: explained.map_or_else(Vec::new, |found| reports(&found.closest)),
@@ -177,6 +181,40 @@ impl Diagnosis {
         self.causes.iter().filter(|cause| cause.withheld.is_none()).count() > 1
             && !self.answers_differ.is_some_and(|apart| apart <= AS_ONE)
     }
+
+    /// The cause to write: the one of this name or at this place in the list, 1 for the first. Without a name the first, but none of an ambiguous
+    /// set.
+    pub fn chosen(&self, named: Option<&str>) -> Option<&CauseReport> {
+        let Some(named) = named else {
+            let mut usable = self.causes.iter().filter(|cause| cause.withheld.is_none());
+            return usable.next().filter(|_| !self.is_ambiguous());
+        };
+        let place = named.parse::<usize>().ok().and_then(|place| place.checked_sub(1));
+        place
+            .and_then(|place| self.causes.get(place))
+            .or_else(|| self.causes.iter().find(|cause| cause.name == named))
+    }
+}
+
+/// The causes with how far their values are from those of one another.
+fn compared(mut causes: Vec<CauseReport>) -> Vec<CauseReport> {
+    let number = |text: &str| {
+        let text = text.trim_matches('"');
+        crate::units::Value::parse(text).map_or_else(|_| text.parse().ok(), |value| Some(value.si()))
+    };
+    let all = causes.clone();
+    for (place, cause) in causes.iter_mut().enumerate() {
+        for edit in &mut cause.edits {
+            let others = all.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, cause)| {
+                let same = cause.edits.iter().find(|other| other.key == edit.key);
+                same.map_or(edit.from.as_deref(), |other| Some(&other.to))
+            });
+            let Some(own) = number(&edit.to) else { continue };
+            let apart = others.flatten().filter_map(number).map(|other| (other / own - 1.0).abs());
+            edit.across = apart.reduce(f64::max);
+        }
+    }
+    causes
 }
 
 fn report((bench, suspects): (&TrialBench, &[Suspect]), found: &ExaminedCause) -> CauseReport {
@@ -285,6 +323,7 @@ fn edits(
                     from: get(&bench.document, key).map(ToString::to_string),
                     to: rounded(value, sd).to_string(),
                     sd,
+                    across: None,
                 });
             }
             TrialChange::Exchanged(_) => {}
@@ -315,6 +354,7 @@ fn edits(
                     from: Some(column.to_string()),
                     to: toml::Value::Table(table).to_string(),
                     sd: sd.first().copied(),
+                    across: None,
                 });
             }
         }
@@ -455,5 +495,34 @@ mod tests {
         assert!(diagnosis(2, Some(2.0)).is_ambiguous());
         // Where nobody knows how far they are apart, nothing is chosen.
         assert!(diagnosis(2, None).is_ambiguous() && diagnosis(2, Some(f64::NAN)).is_ambiguous());
+        // A name chooses from any set.
+        let (one, ambiguous) = (diagnosis(2, Some(0.01)), diagnosis(2, Some(2.0)));
+        let name = |found: Option<&CauseReport>| found.map(|cause| cause.name.clone());
+        assert_eq!(name(one.chosen(None)).as_deref(), Some("number 0"));
+        assert!(ambiguous.chosen(None).is_none() && ambiguous.chosen(Some("3")).is_none());
+        for named in ["2", "number 1"] {
+            assert_eq!(name(ambiguous.chosen(Some(named))).as_deref(), Some("number 1"));
+        }
+    }
+
+    /// A factor of 1.1 of one number, one of 0.9 of it beside another number, and neither.
+    #[test]
+    fn a_value_is_compared_with_what_the_other_causes_write_or_leave_there() {
+        let edit = |key: &str, to: f64| Edit {
+            key: key.to_owned(),
+            from: Some("\"2 V\"".to_owned()),
+            to: format!("\"{to} V\""),
+            ..Edit::default()
+        };
+        let mut causes = diagnosis(3, None).causes;
+        causes[0].edits = vec![edit("a", 2.2)];
+        causes[1].edits = vec![edit("a", 1.8), edit("b", 1.0)];
+        let found = compared(causes);
+        let across: Vec<f64> = found.iter().flat_map(|cause| &cause.edits).filter_map(|e| e.across).collect();
+        let expected = [0.4 / 2.2, 0.4 / 1.8, 1.0];
+        assert!(
+            across.iter().zip(expected).all(|(own, expected)| (own - expected).abs() < 1e-12),
+            "{across:?}"
+        );
     }
 }

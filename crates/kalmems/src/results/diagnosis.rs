@@ -55,11 +55,9 @@ impl Diagnosis {
         }
         if self.causes.iter().any(|cause| !cause.edits.is_empty()) && self.causes.len() > 1 {
             if self.is_ambiguous() {
-                let apart = self.answers_differ.map_or_else(String::new, |apart| {
-                    format!(" With one or another of them the answer differs by up to {} of the standard deviation that the filter claims.", significant(apart))
-                });
                 text += &format!(
-                    "\nWhich of them it is, the recording does not tell.{apart} Measure one of these numbers; `--write` takes the one that `--cause` names.\n"
+                    "\n{} Measure one of these numbers; `--write` takes the one that `--cause` names.\n",
+                    self.ambiguity()
                 );
             } else {
                 text += "\nWrite one of them, the one that is known worst, or measure it; `--write` takes the first.\n";
@@ -73,6 +71,17 @@ impl Diagnosis {
             None => {}
         }
         text
+    }
+
+    /// That the recording does not tell the causes apart, and how far their answers differ, as sentences.
+    pub fn ambiguity(&self) -> String {
+        let apart = self.answers_differ.map_or_else(String::new, |apart| {
+            format!(
+                " With one or another of them the answer differs by up to {} of the standard deviation that the filter claims.",
+                significant(apart)
+            )
+        });
+        format!("Which of them it is, the recording does not tell.{apart}")
     }
 
     fn unexplained(&self) -> String {
@@ -112,9 +121,14 @@ impl CauseReport {
         if let Some(answer) = &self.answer {
             let _ = write!(text, "; it {}", effect(answer, self.answer_name, self.answer_unit));
         }
-        for Edit { key, from, to, sd } in &self.edits {
+        for Edit { key, from, to, sd, across } in &self.edits {
             let was = from.as_ref().map_or_else(|| "new".to_owned(), |from| format!("was {from}"));
-            let sd = sd.map_or_else(String::new, |sd| format!(", known to {} %", significant(100.0 * sd)));
+            let mut sd =
+                sd.map_or_else(String::new, |sd| format!(", known to {} %", significant(100.0 * sd)));
+            if let Some(across) = across {
+                let part = significant(100.0 * across);
+                sd += &format!(" if this is the cause; the causes differ by {part} % in it");
+            }
             let _ = write!(text, "\n     {key} = {to}  # {was}{sd}");
         }
         if let Some(states) = self.as_states() {

@@ -161,7 +161,7 @@ impl LikelihoodOutcome<'_> {
             if !is_exact {
                 written.push(index);
             }
-            let edit = Edit { key: number.key.to_string(), from: None, to, sd: None };
+            let edit = Edit { key: number.key.to_string(), to, ..Edit::default() };
             text = changed(&text, &edit).unwrap_or(text);
         }
         self.say(&mut found, &place);
