@@ -335,6 +335,9 @@ pub struct DiagnoseArguments {
     /// The filter whose innovations are looked at, by its name [default: the first that is a Kalman filter].
     #[arg(long, value_name = "NAME")]
     pub filter: Option<String>,
+    /// Try all causes, however long it takes: without it a diagnosis ends after the work of about twenty estimates, and says what it leaves out.
+    #[arg(long)]
+    pub thorough: bool,
     /// Write a copy of the experiment file with the cause corrected to this file, in the same folder. Of several with different answers, which
     /// the recording does not tell apart, none is written unless `--cause` names it.
     #[arg(long, value_name = "FILE")]

@@ -6,7 +6,7 @@ use crate::progress::ProgressDisplay;
 use crate::target::{BesideExperiment, write_page};
 use crate::tell::tell;
 use crate::{CommandEnding, print_result};
-use kalmems::diagnose::{diagnose, pasted};
+use kalmems::diagnose::{DiagnosisEffort, DiagnosisFinding, diagnose_with, pasted};
 use kalmems::results::diagnosis_page;
 use kalmems::rigs::Workbench;
 use std::path::Path;
@@ -18,11 +18,15 @@ pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), C
         tell!("{noise}");
     }
     let beside = BesideExperiment::of(arguments.write.as_deref(), &arguments.experiment, arguments.force)?;
-    let bar = ProgressDisplay::default();
-    let found = diagnose(workbench, &experiment, arguments.filter.as_deref(), &bar)
+    let bar = ProgressDisplay::of_large_units();
+    let effort = if arguments.thorough { DiagnosisEffort::Thorough } else { DiagnosisEffort::Usual };
+    let found = diagnose_with(workbench, &experiment, (arguments.filter.as_deref(), effort), &bar)
         .map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;
     drop(bar);
     print_result(arguments.json, &found, || found.to_text())?;
+    if found.finding == DiagnosisFinding::Interrupted {
+        return Err(CommandEnding::Interrupted);
+    }
     if let Some(path) = &arguments.report {
         write_page(path, &diagnosis_page(&found).map_err(|e| wrong(&e))?, arguments.force)?;
         tell!("the report: {}", path.display());

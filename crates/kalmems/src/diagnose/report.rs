@@ -8,6 +8,7 @@ use super::change::{ChannelAlteration, TrialChange};
 use super::distinguish::Proposal;
 use super::explain::{ExaminedCause, Explanations};
 use super::invisible_parameters::ScaleNote;
+use super::search::FittedCause;
 use super::suspect::{NumberRole, Suspect};
 use super::trial::DiagnosisTrial;
 use super::unseen::unseen;
@@ -47,8 +48,11 @@ pub struct Diagnosis {
     /// A recording that would tell them apart, where there are several and one was found.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub proposal: Option<Proposal>,
-    /// Where nothing explains it: what explains most.
+    /// Where nothing explains it: what explains most. Of a diagnosis that was interrupted what makes the recording likelier so far.
     pub closest: Vec<CauseReport>,
+    /// What was not tried, so that the diagnosis is no more work than twenty estimates.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
     /// What the signal does not determine, and what it does to the answer.
     pub notes: Vec<ScaleNote>,
     /// What no test of the innovations can see, by the equations of the device.
@@ -66,12 +70,14 @@ pub enum DiagnosisFinding {
     Explained,
     /// They do not, whatever was tried.
     NoneOfThese,
+    /// It was interrupted before it came to an end.
+    Interrupted,
     /// The filter's own steps lead it astray, so that its innovations say nothing of the experiment's numbers.
     Steps,
 }
 
 /// A cause.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct CauseReport {
     /// What is wrong, in a few words.
     pub name: String,
@@ -129,6 +135,7 @@ impl Diagnosis {
         let finding = match &explained {
             None if steps.is_some() => DiagnosisFinding::Steps,
             None => DiagnosisFinding::NothingToChange,
+            Some(found) if found.ranking.is_some() => DiagnosisFinding::Interrupted,
             Some(found) if found.causes.is_empty() => DiagnosisFinding::NoneOfThese,
             Some(_) => DiagnosisFinding::Explained,
         };
@@ -150,7 +157,11 @@ impl Diagnosis {
             causes: explained.map_or_else(Vec::new, |found| compared(reports(&found.causes))),
             answers_differ: explained.and_then(|found| answers_differ(&found.causes)),
             proposal,
-            closest: explained.map_or_else(Vec::new, |found| reports(&found.closest)),
+            closest: explained.map_or_else(Vec::new, |found| match &found.ranking {
+                Some(ranking) => ranking.iter().map(|found| ranked(found, suspects)).collect(),
+                None => reports(&found.closest),
+            }),
+            left_out: explained.map_or_else(Vec::new, |found| found.left_out.clone()),
             unseen: if finding == DiagnosisFinding::NothingToChange {
                 unseen(bench.workbench, experiment)
             } else {
@@ -247,9 +258,19 @@ fn report((bench, suspects): (&TrialBench, &[Suspect]), found: &ExaminedCause) -
     }
 }
 
-/// What is said of a cause whose search ended where the likelihood still rises.
-fn end_of_search(cause: &Cause, suspects: &[Suspect]) -> String {
-    let sizes = match cause {
+/// A cause that was found and not yet examined.
+fn ranked(found: &FittedCause, suspects: &[Suspect]) -> CauseReport {
+    let FittedCause { cause, held_out } = found;
+    CauseReport {
+        name: format!("{}{}", name(cause, suspects), sizes_in_words(cause, suspects)),
+        gain: *held_out,
+        ..CauseReport::default()
+    }
+}
+
+/// The sizes of a cause behind its name.
+fn sizes_in_words(cause: &Cause, suspects: &[Suspect]) -> String {
+    let sizes: Vec<String> = match cause {
         Cause::Numbers(numbers) => numbers
             .iter()
             .filter_map(|(place, size)| {
@@ -259,7 +280,12 @@ fn end_of_search(cause: &Cause, suspects: &[Suspect]) -> String {
             .collect(),
         _ => Vec::new(),
     };
-    let of = if sizes.is_empty() { String::new() } else { format!(" ({})", sizes.join(", ")) };
+    if sizes.is_empty() { String::new() } else { format!(" ({})", sizes.join(", ")) }
+}
+
+/// What is said of a cause whose search ended where the likelihood still rises.
+fn end_of_search(cause: &Cause, suspects: &[Suspect]) -> String {
+    let of = sizes_in_words(cause, suspects);
     format!(
         "the search ended where the likelihood still rises{of}: no value is determined, and none is written"
     )
@@ -326,7 +352,15 @@ fn edits(
                     across: None,
                 });
             }
-            TrialChange::Exchanged(_) => {}
+            TrialChange::Exchanged([one, other]) => {
+                let key = |meaning: &String| Key::from("recording").index(0).child("channels").child(meaning);
+                let [column, other_column] = [one, other].map(|meaning| get(&bench.document, &key(meaning)));
+                for (meaning, from, to) in [(one, column, other_column), (other, other_column, column)] {
+                    let (from, to) = (from.map(ToString::to_string), to.map(ToString::to_string));
+                    let Some(to) = to else { continue };
+                    edits.push(Edit { key: key(meaning).to_string(), from, to, ..Edit::default() });
+                }
+            }
             TrialChange::Channel { meaning, how } => {
                 let (name, number) = match how {
                     ChannelAlteration::Scaled(factor) => ("scale", toml::Value::Float(*factor)),
@@ -353,7 +387,7 @@ fn edits(
                     key: channel.to_string(),
                     from: Some(column.to_string()),
                     to: toml::Value::Table(table).to_string(),
-                    sd: sd.first().copied(),
+                    sd: sd.first().copied().filter(|sd| sd.is_finite()),
                     across: None,
                 });
             }
@@ -459,15 +493,8 @@ mod tests {
         let cause = |place: usize| CauseReport {
             name: format!("number {place}"),
             numbers: 1,
-            gain: 100.0,
             passes: true,
-            answer: None,
-            answer_name: "angle",
-            answer_unit: "rad",
-            edits: Vec::new(),
-            states: Vec::new(),
-            remedy: None,
-            withheld: None,
+            ..CauseReport::default()
         };
         Diagnosis {
             experiment: String::new(),
@@ -483,6 +510,7 @@ mod tests {
             answers_differ,
             proposal: None,
             closest: Vec::new(),
+            left_out: Vec::new(),
             notes: Vec::new(),
             unseen: Vec::new(),
         }

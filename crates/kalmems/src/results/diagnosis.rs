@@ -26,11 +26,15 @@ impl Diagnosis {
             }
             DiagnosisFinding::Explained => self.explained(),
             DiagnosisFinding::NoneOfThese => self.unexplained(),
+            DiagnosisFinding::Interrupted => self.so_far(),
             DiagnosisFinding::Steps => format!(
                 "the filter's own steps lead it astray, so that its innovations say nothing of the numbers of the experiment: {}. Diagnose it again with that.\n",
                 self.tests.join("; ")
             ),
         };
+        if let Some(left_out) = self.left_out() {
+            text += &format!("\n{left_out}\n");
+        }
         for note in &self.notes {
             text += &format!("\nnote: {note}\n");
         }
@@ -65,7 +69,7 @@ impl Diagnosis {
         }
         match &self.proposal {
             Some(proposal) => text += &proposal.to_text(),
-            None if self.causes.len() > 1 => {
+            None if self.causes.len() > 1 && self.left_out.is_empty() => {
                 text += "\nNo other amplitude, frequency or duration of the drive was found that would distinguish them.\n";
             }
             None => {}
@@ -82,6 +86,23 @@ impl Diagnosis {
             )
         });
         format!("Which of them it is, the recording does not tell.{apart}")
+    }
+
+    /// What was not tried, as a sentence.
+    fn left_out(&self) -> Option<String> {
+        (!self.left_out.is_empty()).then(|| {
+            let all = self.left_out.join("; ");
+            format!("Left out, so that this takes no longer than twenty estimates: {all}. `--thorough` tries them.")
+        })
+    }
+
+    fn so_far(&self) -> String {
+        let each = self.closest.iter().map(|cause| format!("\n- {}: {:.0}", cause.name, cause.gain));
+        format!(
+            "interrupted before a cause was found that explains the recording. By so much each of these raises the log-likelihood of the blocks that were not \
+             fitted; none of them was examined further:\n{}\n",
+            each.collect::<String>()
+        )
     }
 
     fn unexplained(&self) -> String {
@@ -284,6 +305,10 @@ fn page(found: &Diagnosis) -> Page {
                 link("overconfident")
             ),
         ),
+        DiagnosisFinding::Interrupted => (
+            NoticeSeverity::Warning,
+            "The diagnosis was interrupted before a cause was found that explains the recording.".to_owned(),
+        ),
         DiagnosisFinding::Steps => (
             NoticeSeverity::Warning,
             format!(
@@ -324,6 +349,7 @@ fn page(found: &Diagnosis) -> Page {
     if !table.rows.is_empty() {
         answer = answer.table(table);
     }
+    answer = found.left_out().into_iter().fold(answer, PageSection::paragraph);
     if let Some(Proposal { what, ahead, simulate }) = &found.proposal {
         let text = format!(
             "A recording with {what} would tell them apart: the true one would be ahead by {ahead:.0} in ln p."

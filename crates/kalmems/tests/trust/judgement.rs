@@ -2,7 +2,9 @@
 
 mod advice;
 mod choice;
+mod effort;
 mod hidden;
+mod mistakes;
 mod smoothing;
 mod units;
 
