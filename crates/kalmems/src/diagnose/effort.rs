@@ -8,12 +8,15 @@ use super::trial::DiagnosisTrial;
 pub enum DiagnosisEffort {
     /// No more than about twenty estimates; it says what it leaves out.
     Usual,
+    /// No cause is begun after so many rows were filtered; what is left out is said.
+    Rows(u64),
     /// All that it knows.
     Thorough,
 }
 
-/// Estimates whose work a usual diagnosis may take.
-const ESTIMATES: f64 = 20.0;
+/// Estimates whose work the search of a usual diagnosis may take. What is left of twenty is for the sizes of the causes by all blocks and for trying the
+/// advice.
+const ESTIMATES: f64 = 14.0;
 
 /// What an estimate does besides filtering, in rows of a filter of one state that takes one step from each sample to the next.
 const BESIDES: f64 = 1.7e6;
@@ -31,6 +34,7 @@ impl DiagnosisEffort {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturating; a number of rows
         match self {
             Self::Usual => (ESTIMATES * (filters as f64 * bench.extent().0 as f64 + besides)) as u64,
+            Self::Rows(rows) => rows,
             Self::Thorough => u64::MAX,
         }
     }

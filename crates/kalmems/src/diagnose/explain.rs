@@ -90,6 +90,8 @@ struct CauseHunt<'a> {
     progress: &'a dyn Progress,
     /// The rows that may be filtered.
     most_rows: u64,
+    /// The most rows that causes which were tried at once have filtered.
+    most_at_once: u64,
     found: Vec<FittedCause>,
     left_out: Vec<String>,
 }
@@ -99,13 +101,14 @@ impl CauseHunt<'_> {
         self.progress.reached(0).is_break()
     }
 
-    /// Tries so many causes, those that promise most first, as far as the work may go; what is left out has this name.
-    fn attempt(&mut self, what: &str, count: usize, causes: CausesAt<'_>) {
+    /// Tries so many causes, those that promise most first, as far as the work may go, and returns how many were tried; what is left out has this name.
+    fn attempt(&mut self, what: &str, count: usize, causes: CausesAt<'_>) -> usize {
         let mut done = 0;
         while done < count && !self.is_interrupted() {
-            if self.search.bench.stop.rows() >= self.most_rows {
+            let before = self.search.bench.stop.rows();
+            if before.saturating_add(self.most_at_once) >= self.most_rows {
                 self.left_out.push(format!("{what} ({} of {count})", count - done));
-                return;
+                break;
             }
             let now = AT_ONCE.min(count - done);
             self.progress
@@ -124,7 +127,9 @@ impl CauseHunt<'_> {
             found.sort_by_key(|(place, _)| *place);
             self.found.extend(found.into_iter().flat_map(|(_, causes)| causes));
             done += now;
+            self.most_at_once = self.most_at_once.max(self.search.bench.stop.rows() - before);
         }
+        done
     }
 
     /// What came of it, by so many tries.
@@ -170,7 +175,14 @@ impl Explanations {
         (progress, most_rows): (&dyn Progress, u64),
     ) -> Self {
         let search = CauseSearch { bench, suspects, base };
-        let mut hunt = CauseHunt { search, progress, most_rows, found: Vec::new(), left_out: Vec::new() };
+        let mut hunt = CauseHunt {
+            search,
+            progress,
+            most_rows,
+            most_at_once: 0,
+            found: Vec::new(),
+            left_out: Vec::new(),
+        };
         let count = suspects.iter().filter(|suspect| !suspect.is_further()).count();
         let slopes =
             map_on_threads((progress, "looking at slopes"), processors(), (count, 1), |place, heard| {
@@ -187,7 +199,11 @@ impl Explanations {
         let behind = jobs.split_off(NUMBERS_FIRST.min(jobs.len()));
         let is_choice = |place: &usize| suspects[*place].is_choice() && !suspects[*place].is_wiring();
         let choices = (0..suspects.len()).filter(is_choice).map(Job::Choice);
-        jobs.extend([Job::Lines, Job::ColouredNoise, Job::Outliers].into_iter().chain(choices).chain(behind));
+        let of_recording: Vec<Job> =
+            [Job::Lines, Job::ColouredNoise, Job::Outliers].into_iter().chain(choices).collect();
+        // The slopes of all numbers were looked at.
+        let tries = count + of_recording.len();
+        jobs.extend(of_recording.into_iter().chain(behind));
         hunt.attempt("causes", jobs.len(), &|place| match jobs[place] {
             Job::Number(at) => search.number(slopes[at].0, &slopes[at].1).into_iter().collect(),
             Job::Choice(place) => search.slip(place, None).into_iter().collect(),
@@ -195,7 +211,7 @@ impl Explanations {
             Job::ColouredNoise => search.coloured_noise().into_iter().collect(),
             Job::Outliers => search.outliers().into_iter().collect(),
         });
-        let alone = hunt.judged(hunt.found.clone(), count + 3);
+        let alone = hunt.judged(hunt.found.clone(), tries);
         // Under a steady drive a line and a wrong number look the same.
         let is_number = |found: &ExaminedCause| matches!(found.cause, Cause::Numbers(_));
         if alone.ranking.is_some() || alone.causes.iter().any(is_number) {
@@ -204,34 +220,22 @@ impl Explanations {
         Self::further(&mut hunt, &slopes, alone)
     }
 
-    /// What is tried where no number alone explains the recording: units, signs and wiring, densities, and pairs.
+    /// What is tried where no number alone explains the recording: units, signs and wiring, and pairs.
     fn further(hunt: &mut CauseHunt, slopes: &[(usize, NumberSlopes)], alone: Self) -> Self {
         let search = hunt.search;
-        let CauseSearch { suspects, base, .. } = search;
+        let suspects = search.suspects;
         let singles = hunt.found.clone();
-        let places = |is_of: fn(&Suspect) -> bool| -> Vec<usize> {
-            (0..suspects.len()).filter(|place| is_of(&suspects[*place])).collect()
-        };
-        let (slips, densities) =
-            (places(|one| one.is_slip() || one.is_wiring()), places(Suspect::is_density));
+        let is_of = |place: &usize| suspects[*place].is_slip() || suspects[*place].is_wiring();
+        let slips: Vec<usize> = (0..suspects.len()).filter(is_of).collect();
         let beginning = search.beginning();
         let short = beginning.as_ref().map(|(bench, base)| CauseSearch { bench, suspects, base });
-        let mut tries = alone.tried + slips.len();
-        hunt.attempt("units, signs and wiring", slips.len(), &|at| {
+        let tried = hunt.attempt("units, signs and wiring", slips.len(), &|at| {
             search.slip(slips[at], short.as_ref()).into_iter().collect()
         });
+        let mut tries = alone.tried + tried;
         let of_slips = hunt.judged_again(&alone, singles.len(), tries);
         if of_slips.is_end() {
             return of_slips;
-        }
-        let before = hunt.found.len();
-        tries += densities.len();
-        hunt.attempt("densities of process noise", densities.len(), &|at| {
-            search.beside(&[], densities[at], base).into_iter().collect()
-        });
-        let of_densities = hunt.judged_again(&of_slips, before, tries);
-        if of_densities.is_end() {
-            return of_densities;
         }
         let mut firsts: Vec<FittedCause> =
             singles.into_iter().filter(|found| matches!(found.cause, Cause::Numbers(_))).collect();
@@ -239,16 +243,18 @@ impl Explanations {
         firsts.truncate(FIRSTS);
         let pairs = search.promising_pairs(slopes, PAIRS);
         let before = hunt.found.len();
-        hunt.attempt("pairs", pairs.len() + firsts.len(), &|place| match pairs.get(place) {
+        let tried = hunt.attempt("pairs", pairs.len() + firsts.len(), &|place| match pairs.get(place) {
             Some((cause, gain)) => search.near(cause, *gain).into_iter().collect(),
             None => search.pairs(&firsts[place - pairs.len()]),
         });
         // Which numbers are first was chosen by what they gain: any pair could have been.
         let count = slopes.len();
-        tries += count * count.saturating_sub(1) / 2;
+        if tried > 0 {
+            tries += count * count.saturating_sub(1) / 2;
+        }
         let mut found = hunt.judged(hunt.found.get(before..).unwrap_or_default().to_vec(), tries);
         if found.causes.is_empty() {
-            found.closest = of_densities.closest;
+            found.closest = of_slips.closest;
         }
         found
     }

@@ -152,21 +152,10 @@ impl Suspect {
         all.iter().filter(may).flat_map(of).collect()
     }
 
-    /// What else is tried where no number of these explains a recording: the densities of process noise, another interpolation of an input, and signals
-    /// that are inverted or exchanged.
+    /// What else is tried where no number of these explains a recording: another interpolation of an input, and signals that are inverted or
+    /// exchanged.
     pub(super) fn further(rig: &dyn Rig, bench: &TrialBench) -> Vec<Self> {
         let (experiment, document) = (&bench.experiment, &bench.document);
-        let mut densities = Vec::new();
-        let shared = Key::from("estimate").child("process_noise");
-        let own = Key::from("estimate").child("filter").index(0).child("process_noise");
-        for key in [shared, own] {
-            crate::config::get(document, &key)
-                .into_iter()
-                .for_each(|value| collect(value, &key, &mut densities));
-        }
-        let sizes = || sides(&NOISE_FACTORS, true);
-        let densities =
-            densities.into_iter().map(|one| Self { what: NumberRole::Factor(vec![one]), sizes: sizes() });
         let choice = |changes, words| Self { what: NumberRole::Choice { changes, words }, sizes: Vec::new() };
         let mut choices = Vec::new();
         if let Some(equations) = equations_of(document).filter(|equations| equations.contains_key("inputs")) {
@@ -182,7 +171,7 @@ impl Suspect {
         let RecordingChannels { signals, .. } = rig.channels(experiment);
         let wiring = of_wiring(bench, &RecordingChannels { inputs: Vec::new(), signals });
         choices.extend(wiring.into_iter().map(|fault| choice(fault.changes, fault.words)));
-        densities.chain(choices).collect()
+        choices
     }
 
     /// What a size changes; `None` of one that there cannot be.
@@ -252,25 +241,20 @@ impl Suspect {
         matches!(self.what, NumberRole::Slip { .. })
     }
 
-    /// Whether it is so or is not; of the wiring, which any part of a recording shows.
+    /// Whether it is so or is not, without a size.
     pub(super) const fn is_choice(&self) -> bool {
         matches!(self.what, NumberRole::Choice { .. })
     }
 
+    /// Whether it is a choice of the wiring, which any part of a recording shows.
     pub(super) fn is_wiring(&self) -> bool {
         let is_of_channels = |change: &TrialChange| !matches!(change, TrialChange::Key(..));
         matches!(&self.what, NumberRole::Choice { changes, .. } if changes.iter().all(is_of_channels))
     }
 
-    /// Whether it is a density of `[estimate.process_noise]`.
-    pub(super) fn is_density(&self) -> bool {
-        let is_of_estimate = |key: &Key| key.steps().first() == Some(&KeyStep::Name("estimate".to_owned()));
-        matches!(&self.what, NumberRole::Factor(numbers) if numbers.iter().any(|number| is_of_estimate(&number.key)))
-    }
-
     /// Whether it is tried where no number explains a recording.
-    pub(super) fn is_further(&self) -> bool {
-        self.is_slip() || self.is_choice() || self.is_density()
+    pub(super) const fn is_further(&self) -> bool {
+        self.is_slip() || self.is_choice()
     }
 
     /// A first step: half of the smallest size that is tried.

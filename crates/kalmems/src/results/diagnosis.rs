@@ -92,7 +92,7 @@ impl Diagnosis {
     fn left_out(&self) -> Option<String> {
         (!self.left_out.is_empty()).then(|| {
             let all = self.left_out.join("; ");
-            format!("Left out, so that this takes no longer than twenty estimates: {all}. `--thorough` tries them.")
+            format!("Left out, because the work is limited: {all}. `--thorough` tries them.")
         })
     }
 

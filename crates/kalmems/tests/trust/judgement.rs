@@ -4,7 +4,6 @@ mod advice;
 mod choice;
 mod effort;
 mod hidden;
-mod mistakes;
 mod smoothing;
 mod units;
 

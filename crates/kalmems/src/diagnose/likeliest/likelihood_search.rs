@@ -365,7 +365,8 @@ impl LikelihoodSearch<'_> {
                     let start = Self::along(suspects, found, (place, side * by));
                     let there = self.most_likely_from(suspects, &start);
                     let is_other = |there: &MostLikelySizes| {
-                        (there.at[place] - found.at[place]).abs() > NEAREST * sd
+                        !there.is_no_maximum()
+                            && (there.at[place] - found.at[place]).abs() > NEAREST * sd
                             && there.log_likelihood > found.log_likelihood - SECOND_MAXIMUM
                     };
                     if let Some(there) = there.filter(is_other) {

@@ -52,3 +52,36 @@ fn what_a_diagnosis_leaves_out_is_nothing_for_a_small_device() {
     assert_eq!(found[0].to_text(), found[1].to_text());
     assert!(found[0].causes.iter().any(|cause| cause.name == "parameters.tau"), "{}", found[0].to_text());
 }
+
+/// Two numbers that are off, of which no single one explains the recording: after the causes of one number the rows are used up.
+#[test]
+fn what_is_left_out_is_named_and_a_thorough_diagnosis_tries_it() {
+    let folder = usual(3000, 81);
+    let text = format!("{LAG}{EKF}")
+        .replace("tau = \"1 ms\"", "tau = \"1.3 ms\"")
+        .replace("c = \"1\"", "c = \"1.2\"");
+    let experiment = parsed(&text, &folder);
+    let [few, thorough] = [DiagnosisEffort::Rows(30 * 3000), DiagnosisEffort::Thorough].map(|effort| {
+        diagnose_with(published(), &experiment, (None, effort), &kalmems::progress::Silent).unwrap()
+    });
+    assert!(few.left_out.iter().any(|left_out| left_out.starts_with("pairs")), "{}", few.to_text());
+    let told = few.to_text();
+    assert!(told.contains("Left out") && told.contains("`--thorough` tries them"), "{told}");
+    assert!(thorough.left_out.is_empty(), "{:?}", thorough.left_out);
+    assert!(thorough.tried > few.tried, "{} {}", thorough.tried, few.tried);
+}
+
+/// A drive that is held, in a text that has it linear: half a sample of time, so that the two are not told apart.
+#[test]
+fn an_interpolation_that_is_wrong_is_among_the_causes() {
+    let folder = usual(3000, 83);
+    let text = format!("{LAG}{EKF}").replace("\"hold\"", "\"linear\"");
+    let found = diagnose_with(
+        published(),
+        &parsed(&text, &folder),
+        (None, DiagnosisEffort::Usual),
+        &kalmems::progress::Silent,
+    )
+    .unwrap();
+    assert!(found.causes.iter().any(|cause| cause.name.contains("which is `hold`")), "{}", found.to_text());
+}
