@@ -16,7 +16,7 @@ pub enum DiagnosisEffort {
 
 /// Estimates whose work the search of a usual diagnosis may take. What is left of twenty is for the sizes of the causes by all blocks and for trying the
 /// advice.
-const ESTIMATES: f64 = 14.0;
+const ESTIMATES: f64 = 17.0;
 
 /// What an estimate does besides filtering, in rows of a filter of one state that takes one step from each sample to the next.
 const BESIDES: f64 = 1.7e6;

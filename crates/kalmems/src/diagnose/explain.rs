@@ -90,8 +90,6 @@ struct CauseHunt<'a> {
     progress: &'a dyn Progress,
     /// The rows that may be filtered.
     most_rows: u64,
-    /// The most rows that causes which were tried at once have filtered.
-    most_at_once: u64,
     found: Vec<FittedCause>,
     left_out: Vec<String>,
 }
@@ -102,15 +100,17 @@ impl CauseHunt<'_> {
     }
 
     /// Tries so many causes, those that promise most first, as far as the work may go, and returns how many were tried; what is left out has this name.
-    fn attempt(&mut self, what: &str, count: usize, causes: CausesAt<'_>) -> usize {
-        let mut done = 0;
+    fn attempt(&mut self, (what, at_once): (&str, usize), count: usize, causes: CausesAt<'_>) -> usize {
+        let stop = &self.search.bench.stop;
+        let (begun, mut done) = (stop.rows(), 0);
         while done < count && !self.is_interrupted() {
-            let before = self.search.bench.stop.rows();
-            if before.saturating_add(self.most_at_once) >= self.most_rows {
+            let now = at_once.min(count - done);
+            // As many rows for each as for those before it.
+            let ahead = (stop.rows() - begun) * now as u64 / done.max(1) as u64;
+            if stop.rows().saturating_add(ahead) >= self.most_rows {
                 self.left_out.push(format!("{what} ({} of {count})", count - done));
                 break;
             }
-            let now = AT_ONCE.min(count - done);
             self.progress
                 .begin(&format!("trying {what}, {} to {} of {count}", done + 1, done + now), now as u64);
             let mut found = Vec::new();
@@ -127,7 +127,6 @@ impl CauseHunt<'_> {
             found.sort_by_key(|(place, _)| *place);
             self.found.extend(found.into_iter().flat_map(|(_, causes)| causes));
             done += now;
-            self.most_at_once = self.most_at_once.max(self.search.bench.stop.rows() - before);
         }
         done
     }
@@ -175,14 +174,7 @@ impl Explanations {
         (progress, most_rows): (&dyn Progress, u64),
     ) -> Self {
         let search = CauseSearch { bench, suspects, base };
-        let mut hunt = CauseHunt {
-            search,
-            progress,
-            most_rows,
-            most_at_once: 0,
-            found: Vec::new(),
-            left_out: Vec::new(),
-        };
+        let mut hunt = CauseHunt { search, progress, most_rows, found: Vec::new(), left_out: Vec::new() };
         let count = suspects.iter().filter(|suspect| !suspect.is_further()).count();
         let slopes =
             map_on_threads((progress, "looking at slopes"), processors(), (count, 1), |place, heard| {
@@ -204,7 +196,7 @@ impl Explanations {
         // The slopes of all numbers were looked at.
         let tries = count + of_recording.len();
         jobs.extend(of_recording.into_iter().chain(behind));
-        hunt.attempt("causes", jobs.len(), &|place| match jobs[place] {
+        hunt.attempt(("causes", AT_ONCE), jobs.len(), &|place| match jobs[place] {
             Job::Number(at) => search.number(slopes[at].0, &slopes[at].1).into_iter().collect(),
             Job::Choice(place) => search.slip(place, None).into_iter().collect(),
             Job::Lines => search.lines(),
@@ -229,7 +221,7 @@ impl Explanations {
         let slips: Vec<usize> = (0..suspects.len()).filter(is_of).collect();
         let beginning = search.beginning();
         let short = beginning.as_ref().map(|(bench, base)| CauseSearch { bench, suspects, base });
-        let tried = hunt.attempt("units, signs and wiring", slips.len(), &|at| {
+        let tried = hunt.attempt(("units, signs and wiring", AT_ONCE), slips.len(), &|at| {
             search.slip(slips[at], short.as_ref()).into_iter().collect()
         });
         let mut tries = alone.tried + tried;
@@ -243,9 +235,13 @@ impl Explanations {
         firsts.truncate(FIRSTS);
         let pairs = search.promising_pairs(slopes, PAIRS);
         let before = hunt.found.len();
-        let tried = hunt.attempt("pairs", pairs.len() + firsts.len(), &|place| match pairs.get(place) {
-            Some((cause, gain)) => search.near(cause, *gain).into_iter().collect(),
-            None => search.pairs(&firsts[place - pairs.len()]),
+        let mut tried = hunt.attempt(("pairs", AT_ONCE), pairs.len(), &|place| {
+            let (cause, gain) = &pairs[place];
+            search.near(cause, *gain).into_iter().collect()
+        });
+        // Each is the work of many causes.
+        tried += hunt.attempt(("pairs with the likeliest numbers", 1), firsts.len(), &|place| {
+            search.pairs(&firsts[place])
         });
         // Which numbers are first was chosen by what they gain: any pair could have been.
         let count = slopes.len();
