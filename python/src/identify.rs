@@ -3,7 +3,7 @@
 use crate::errors::{Raise, failed};
 use crate::estimate::{Recordings, ready};
 use crate::watch::done;
-use kalmems::diagnose::{DiagnoseError, diagnose as diagnosed, identify as identified, pasted};
+use kalmems::diagnose::{CauseReport, DiagnoseError, DiagnosisEffort, diagnose_with, identify as identified, pasted};
 use kalmems::results::IdentificationSummary;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -33,9 +33,11 @@ pub fn identify(
     Ok((json, summary.to_text(), experiment))
 }
 
-/// Finds what of an experiment is wrong: what was found as JSON, as text, and the experiment with the first cause that it could say.
+/// Finds what of an experiment is wrong: what was found as JSON, as text, the experiment with the cause corrected where there is one to choose, and with
+/// each of the causes that it can state.
 #[pyfunction]
-#[pyo3(signature = (text, path, has_lines, recordings, filter=None, progress: "_Progress" = None))]
+#[pyo3(signature = (text, path, has_lines, recordings, filter=None, thorough=false, progress: "_Progress" = None))]
+#[allow(clippy::too_many_arguments)] // named in Python
 pub fn diagnose(
     py: Python<'_>,
     text: String,
@@ -43,17 +45,19 @@ pub fn diagnose(
     has_lines: bool,
     recordings: Recordings,
     filter: Option<String>,
+    thorough: bool,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(String, String, Option<String>)> {
+) -> PyResult<(String, String, Option<String>, Vec<Option<String>>)> {
     let found = done(py, progress, move |watch| {
         let ready = ready(&text, &path, (&recordings, &Vec::new()), has_lines, watch)?;
-        let found = diagnosed(&ready.workbench, &ready.experiment, filter.as_deref(), watch)?;
+        let effort = if thorough { DiagnosisEffort::Thorough } else { DiagnosisEffort::Usual };
+        let found = diagnose_with(&ready.workbench, &ready.experiment, (filter.as_deref(), effort), watch)?;
         Ok::<_, DiagnoseError>((ready.experiment, found))
     })?;
     let (experiment, found) = found.map_err(|error| error.raise(py))?;
     let json = serde_json::to_string(&found).map_err(|error| failed(py, &error))?;
-    // An ambiguous set is no choice.
-    let first = found.causes.first().filter(|cause| !cause.edits.is_empty() && !found.is_ambiguous());
-    let corrected = first.and_then(|cause| pasted(&experiment, cause));
-    Ok((json, found.to_text(), corrected))
+    let corrected = |cause: &CauseReport| pasted(&experiment, cause).filter(|_| !cause.edits.is_empty());
+    let chosen = found.chosen(None).and_then(corrected);
+    let each = found.causes.iter().map(corrected).collect();
+    Ok((json, found.to_text(), chosen, each))
 }

@@ -292,6 +292,12 @@ def test_a_wrong_stiffness_is_diagnosed_and_corrected(scanner: kalmems.Experimen
     assert "stiffness" in str(found) and found.experiment is not None
     told = found.experiment.to_dict()["device"]["shared_scanner"]["resonator"]["stiffness"]
     assert float(told.split()[0]) == pytest.approx(1.10e-4, rel=5e-4)
+    # The inertia explains it as well: it is written where it is named, by name or by place.
+    assert found.corrected(1) == found.experiment or found.corrected(1).to_dict() == found.experiment.to_dict()
+    other = found.corrected("resonator.inertia").to_dict()["device"]["shared_scanner"]["resonator"]["inertia"]
+    assert float(other.split()[0]) == pytest.approx(1.15e-14 * 1.1033 / 1.10, rel=5e-4)
+    with pytest.raises(KeyError, match=r"there are resonator\.stiffness"):
+        found.corrected("nothing")
 
 
 def test_applications_give_arrays_and_figures() -> None:

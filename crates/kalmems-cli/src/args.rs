@@ -335,13 +335,16 @@ pub struct DiagnoseArguments {
     /// The filter whose innovations are looked at, by its name [default: the first that is a Kalman filter].
     #[arg(long, value_name = "NAME")]
     pub filter: Option<String>,
+    /// Try all causes, however long it takes: without it a diagnosis ends after the work of about twenty estimates, and says what it leaves out.
+    #[arg(long)]
+    pub thorough: bool,
     /// Write a copy of the experiment file with the cause corrected to this file, in the same folder. Of several with different answers, which
     /// the recording does not tell apart, none is written unless `--cause` names it.
     #[arg(long, value_name = "FILE")]
     pub write: Option<PathBuf>,
-    /// The cause to write, by its place in the list: 1 for the first.
-    #[arg(long, value_name = "N", requires = "write")]
-    pub cause: Option<NonZero<usize>>,
+    /// The cause to write, by its name or its place in the list: 1 for the first.
+    #[arg(long, value_name = "NAME", requires = "write")]
+    pub cause: Option<String>,
     /// Write the report, a page to look into, to this HTML file as well.
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,

@@ -153,15 +153,16 @@ class Experiment:
         return Identification(json.loads(found), text, Experiment._of(experiment, self._path, False))
 
     def diagnose(
-        self, recordings: Recordings = None, *, filter: str | None = None, progress: Progress = None
+        self, recordings: Recordings = None, *, filter: str | None = None, thorough: bool = False, progress: Progress = None
     ) -> Diagnosis:
         """Finds what of the experiment is wrong by the innovations of a filter, that of this name or the first that can tell it; recordings as
-        in `estimate`."""
-        found, text, corrected = _kalmems.diagnose(
-            self._text, self._path, self._has_lines, _by_name(recordings), filter, progress
+        in `estimate`. It ends after the work of about twenty estimates and says what it leaves out, which it tries where it is `thorough`."""
+        found, text, *corrected = _kalmems.diagnose(
+            self._text, self._path, self._has_lines, _by_name(recordings), filter, thorough, progress
         )
-        experiment = None if corrected is None else Experiment._of(corrected, self._path, False)
-        return Diagnosis(json.loads(found), text, experiment)
+        chosen, each = corrected
+        of = lambda text: None if text is None else Experiment._of(text, self._path, False)  # noqa: E731
+        return Diagnosis(json.loads(found), text, of(chosen), [of(text) for text in each])
 
     def simulate(self, *, seed: int | None = None, progress: Progress = None) -> Simulation:
         """Computes the recording that the table `simulate` describes, with another seed of its noise where one is given."""

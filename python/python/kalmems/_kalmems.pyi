@@ -167,9 +167,10 @@ def check(text: str, path: str | PathLike[str], has_lines: bool) -> tuple[str, s
     Refuses the text of an experiment that is wrong; without lines, where no file has them. Its name and its description.
     """
 
-def diagnose(text: str, path: str | PathLike[str], has_lines: bool, recordings: SupportsGetItem[int, tuple[str | None, Columns]], filter: str | None=None, progress: _Progress=None) -> tuple[str, str, str | None]:
+def diagnose(text: str, path: str | PathLike[str], has_lines: bool, recordings: SupportsGetItem[int, tuple[str | None, Columns]], filter: str | None=None, thorough: bool=False, progress: _Progress=None) -> tuple[str, str, str | None, list[str | None]]:
     """
-    Finds what of an experiment is wrong: what was found as JSON, as text, and the experiment with the first cause that it could say.
+    Finds what of an experiment is wrong: what was found as JSON, as text, the experiment with the cause corrected where there is one to choose, and with
+    each of the causes that it can state.
     """
 
 def estimate(text: str, path: str | PathLike[str], has_lines: bool, recordings: SupportsGetItem[int, tuple[str | None, Columns]], references: SupportsGetItem[int, tuple[str | None, Columns]], progress: _Progress=None) -> Outcome:

@@ -455,12 +455,23 @@ class Identification:
 class Diagnosis:
     """What of an experiment is wrong."""
 
-    def __init__(self, told: dict[str, Any], text: str, experiment: Experiment | None) -> None:
+    def __init__(self, told: dict[str, Any], text: str, experiment: Experiment | None, each: list[Experiment | None]) -> None:
         self.told = told
         """All that was found, as `kalmems diagnose --json` prints it."""
         self.experiment = experiment
         """The experiment with the cause corrected, where it could say that and no other cause explains the recording with another answer."""
-        self._text = text
+        self._text, self._each = text, each
+
+    def corrected(self, cause: int | str) -> Experiment:
+        """The experiment with the cause corrected that is named, or that has this place in the list: 1 for the first."""
+        names = [one["name"] for one in self.told["causes"]]
+        place = names.index(cause) if cause in names else int(cause) - 1 if str(cause).isdigit() else -1
+        if not 0 <= place < len(names):
+            raise KeyError(f"no cause is called {cause!r}; there are {', '.join(names)}")
+        experiment = self._each[place]
+        if experiment is None:
+            raise ValueError(f"an experiment file cannot state {names[place]!r}, or nothing of it is to be written")
+        return experiment
 
     def __repr__(self) -> str:
         return self._text

@@ -59,6 +59,7 @@ impl WholeRun {
         for segment in outcome.recordings.iter().flat_map(|recording| &recording.segments) {
             let estimate = segment.estimate.without_lost();
             let trajectory = estimate.trajectories.first()?;
+            stop.count(trajectory.time_s.len());
             let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
             density += trajectory.consistency(scored)?.log_likelihood;
         }

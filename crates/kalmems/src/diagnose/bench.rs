@@ -324,6 +324,7 @@ impl<'a> TrialBench<'a> {
         let rig = self.workbench.rig(told).ok()?;
         let mut trial = DiagnosisTrial::default();
         for (index, recording) in &self.recordings {
+            self.stop.count(recording.rows());
             let described = told.recording(*index).ok()?;
             let columns: Vec<(String, String)> = described
                 .channels

@@ -1,14 +1,15 @@
 //! Which causes explain a recording, and which of them it cannot tell apart.
 
-use super::DiagnoseError;
 use super::answer::AnswerChange;
 use super::bench::TrialBench;
 use super::cause::Cause;
 use super::search::{CauseSearch, FittedCause};
+use super::slopes::NumberSlopes;
 use super::suspect::Suspect;
 use super::trial::{DiagnosisTrial, TrialBlocks};
-use crate::progress::{Progress, map_on_threads, processors};
+use crate::progress::{Progress, each_on_threads, map_on_threads, processors};
 use kalmems_core::Portable;
+use std::convert::Infallible;
 
 /// A cause that was followed up.
 #[derive(Clone, Debug)]
@@ -30,8 +31,10 @@ pub(super) struct ExaminedCause {
 /// What is tried at once.
 #[derive(Clone, Copy)]
 enum Job {
-    /// A number, by its place among the suspects.
+    /// A number, by its place among those that are worth it.
     Number(usize),
+    /// What is so or is not, by its place among the suspects.
+    Choice(usize),
     /// Lines in the signal.
     Lines,
     /// Noise that a sample shares with those before it.
@@ -41,7 +44,7 @@ enum Job {
 }
 
 /// What came of it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Explanations {
     /// Where one of the likeliest leaves nothing that the tests find: it, and those that the recording cannot tell from it, the likeliest
     /// first.
@@ -52,6 +55,10 @@ pub(super) struct Explanations {
     pub(super) tried: usize,
     /// What a gain has to be above.
     pub(super) needed: f64,
+    /// What was not tried, so that the work does not become more than it may be.
+    pub(super) left_out: Vec<String>,
+    /// Of work that was interrupted what had been found, the likeliest first.
+    pub(super) ranking: Option<Vec<FittedCause>>,
 }
 
 /// The probability that any of the causes that were tried gains as much without being one. The likelihood ratio of blocks that were
@@ -61,75 +68,191 @@ const BY_CHANCE: f64 = 1e-2;
 /// Causes whose blocks that were not fitted are so nearly as likely, ln p, are the same to the recording: a factor of a thousand.
 const SAME: f64 = 6.9;
 
-/// Single causes that partners are looked for.
-const FIRSTS: usize = 2;
+/// Single causes that partners are looked for, and pairs that are followed up by what they promise.
+const FIRSTS: usize = 4;
+const PAIRS: usize = 4;
 
 /// Causes that are listed where none passes.
 const CLOSEST: usize = 3;
 
+/// Causes that are tried before what was done is held against what may be done. It is the same number on every machine, as is then what is left out.
+const AT_ONCE: usize = 8;
+
+/// Numbers that are tried before what is in the signal.
+const NUMBERS_FIRST: usize = 4;
+
 /// The causes that are found at a place of what is tried.
 type CausesAt<'t> = &'t (dyn Fn(usize) -> Vec<FittedCause> + Sync);
 
+/// A search for explanations as it goes.
+struct CauseHunt<'a> {
+    search: CauseSearch<'a>,
+    progress: &'a dyn Progress,
+    /// The rows that may be filtered.
+    most_rows: u64,
+    found: Vec<FittedCause>,
+    left_out: Vec<String>,
+}
+
+impl CauseHunt<'_> {
+    fn is_interrupted(&self) -> bool {
+        self.progress.reached(0).is_break()
+    }
+
+    /// Tries so many causes, those that promise most first, as far as the work may go, and returns how many were tried; what is left out has this name.
+    fn attempt(&mut self, (what, at_once): (&str, usize), count: usize, causes: CausesAt<'_>) -> usize {
+        let stop = &self.search.bench.stop;
+        let (begun, mut done) = (stop.rows(), 0);
+        while done < count && !self.is_interrupted() {
+            let now = at_once.min(count - done);
+            // As many rows for each as for those before it.
+            let ahead = (stop.rows() - begun) * now as u64 / done.max(1) as u64;
+            if stop.rows().saturating_add(ahead) >= self.most_rows {
+                self.left_out.push(format!("{what} ({} of {count})", count - done));
+                break;
+            }
+            self.progress
+                .begin(&format!("trying {what}, {} to {} of {count}", done + 1, done + now), now as u64);
+            let mut found = Vec::new();
+            let point = |place: usize, heard: &dyn Progress| {
+                let found = causes(done + place);
+                // A search that was stopped in its middle has found nothing.
+                heard.reached(0).is_continue().then_some(found)
+            };
+            let take = |place, causes| {
+                found.push((place, causes));
+                Ok::<(), Infallible>(())
+            };
+            let _ = each_on_threads(self.progress, processors(), (now, 1), point, take);
+            found.sort_by_key(|(place, _)| *place);
+            self.found.extend(found.into_iter().flat_map(|(_, causes)| causes));
+            done += now;
+        }
+        done
+    }
+
+    /// What came of it, by so many tries.
+    fn judged(&mut self, causes: Vec<FittedCause>, tries: usize) -> Explanations {
+        let mut found = Explanations::of(&self.search, causes, tries);
+        if self.is_interrupted() {
+            self.found.sort_by(|a, b| b.held_out.total_cmp(&a.held_out));
+            found =
+                Explanations { ranking: Some(self.found.clone()), tried: tries, ..Explanations::default() };
+        }
+        found.left_out.clone_from(&self.left_out);
+        found
+    }
+
+    /// The same of all that was found, where there is more than there was `before`, or else what came of that.
+    fn judged_again(&mut self, last: &Explanations, before: usize, tries: usize) -> Explanations {
+        let more = self.found.get(before..).is_some_and(|more| !more.is_empty());
+        let again =
+            if more || self.is_interrupted() { self.judged(self.found.clone(), tries) } else { last.clone() };
+        // What explained it by itself does so beside what was found later and does not.
+        let found = if again.is_end() { again } else { Explanations { tried: tries, ..last.clone() } };
+        Explanations { left_out: self.left_out.clone(), ..found }
+    }
+}
+
 impl Explanations {
+    /// What is left of it where the work is interrupted before it was tested: what was found, the likeliest first.
+    pub(super) fn interrupted(self) -> Self {
+        let found = |cause: ExaminedCause| FittedCause { cause: cause.cause, held_out: cause.gain };
+        let ranking = self.ranking.unwrap_or_else(|| self.causes.into_iter().map(found).collect());
+        Self { ranking: Some(ranking), tried: self.tried, ..Self::default() }
+    }
+
+    /// Whether no more is to be tried: the work was interrupted, or a cause explains the recording.
+    fn is_end(&self) -> bool {
+        self.ranking.is_some() || !self.causes.is_empty()
+    }
+
     pub(super) fn by(
         bench: &TrialBench,
         suspects: &[Suspect],
         base: &DiagnosisTrial,
-        progress: &dyn Progress,
-    ) -> Result<Self, DiagnoseError> {
+        (progress, most_rows): (&dyn Progress, u64),
+    ) -> Self {
         let search = CauseSearch { bench, suspects, base };
-        let each = |what, count, causes: CausesAt<'_>| -> Result<Vec<FittedCause>, DiagnoseError> {
-            let found = map_on_threads((progress, what), processors(), (count, 1), |place, heard| {
-                heard.reached(0).is_continue().then(|| causes(place))
-            });
-            Ok(found.ok_or(DiagnoseError::Interrupted)?.into_iter().flatten().collect())
-        };
-        let count = suspects.iter().filter(|suspect| !suspect.is_slip()).count();
-        let promises =
+        let mut hunt = CauseHunt { search, progress, most_rows, found: Vec::new(), left_out: Vec::new() };
+        let count = suspects.iter().filter(|suspect| !suspect.is_further()).count();
+        let slopes =
             map_on_threads((progress, "looking at slopes"), processors(), (count, 1), |place, heard| {
-                heard.reached(0).is_continue().then(|| search.promise(&[], place, base))
+                heard.reached(0).is_continue().then(|| search.slopes(&[], place, base))
             });
-        let promises = promises.ok_or(DiagnoseError::Interrupted)?;
-        let largest = promises.iter().flatten().copied().fold(0.0, f64::max);
-        let numbers = (0..count).filter(|place| search.is_worth(promises[*place], largest)).map(Job::Number);
-        let jobs: Vec<Job> = numbers.chain([Job::Lines, Job::ColouredNoise, Job::Outliers]).collect();
-        let tried = each("trying causes", jobs.len(), &|place| match jobs[place] {
-            Job::Number(number) => search.number(number).into_iter().collect(),
+        let slopes = slopes.unwrap_or_default();
+        let slopes: Vec<(usize, NumberSlopes)> =
+            slopes.into_iter().enumerate().filter_map(|(place, slopes)| Some((place, slopes?))).collect();
+        let largest = slopes.iter().map(|(_, slopes)| slopes.alone().gain).fold(0.0, f64::max);
+        let mut numbers: Vec<usize> =
+            (0..slopes.len()).filter(|at| search.is_worth(slopes[*at].1.alone().gain, largest)).collect();
+        numbers.sort_by(|a, b| slopes[*b].1.alone().gain.total_cmp(&slopes[*a].1.alone().gain));
+        let mut jobs: Vec<Job> = numbers.into_iter().map(Job::Number).collect();
+        let behind = jobs.split_off(NUMBERS_FIRST.min(jobs.len()));
+        let is_choice = |place: &usize| suspects[*place].is_choice() && !suspects[*place].is_wiring();
+        let choices = (0..suspects.len()).filter(is_choice).map(Job::Choice);
+        let of_recording: Vec<Job> =
+            [Job::Lines, Job::ColouredNoise, Job::Outliers].into_iter().chain(choices).collect();
+        // The slopes of all numbers were looked at.
+        let tries = count + of_recording.len();
+        jobs.extend(of_recording.into_iter().chain(behind));
+        hunt.attempt(("causes", AT_ONCE), jobs.len(), &|place| match jobs[place] {
+            Job::Number(at) => search.number(slopes[at].0, &slopes[at].1).into_iter().collect(),
+            Job::Choice(place) => search.slip(place, None).into_iter().collect(),
             Job::Lines => search.lines(),
             Job::ColouredNoise => search.coloured_noise().into_iter().collect(),
             Job::Outliers => search.outliers().into_iter().collect(),
-        })?;
-        let alone = Self::of(&search, tried.clone(), count + 3);
+        });
+        let alone = hunt.judged(hunt.found.clone(), tries);
         // Under a steady drive a line and a wrong number look the same.
         let is_number = |found: &ExaminedCause| matches!(found.cause, Cause::Numbers(_));
-        if alone.causes.iter().any(is_number) {
-            return Ok(alone);
+        if alone.ranking.is_some() || alone.causes.iter().any(is_number) {
+            return alone;
         }
-        let slips = suspects.len() - count;
-        let slipped =
-            each("trying units and signs", slips, &|place| search.slip(count + place).into_iter().collect())?;
-        if !slipped.is_empty() {
-            let slipped = Self::of(&search, [tried, slipped].concat(), alone.tried + slips);
-            if !slipped.causes.is_empty() {
-                return Ok(slipped);
-            }
+        Self::further(&mut hunt, &slopes, alone)
+    }
+
+    /// What is tried where no number alone explains the recording: units, signs and wiring, and pairs.
+    fn further(hunt: &mut CauseHunt, slopes: &[(usize, NumberSlopes)], alone: Self) -> Self {
+        let search = hunt.search;
+        let suspects = search.suspects;
+        let singles = hunt.found.clone();
+        let is_of = |place: &usize| suspects[*place].is_slip() || suspects[*place].is_wiring();
+        let slips: Vec<usize> = (0..suspects.len()).filter(is_of).collect();
+        let beginning = search.beginning();
+        let short = beginning.as_ref().map(|(bench, base)| CauseSearch { bench, suspects, base });
+        let tried = hunt.attempt(("units, signs and wiring", AT_ONCE), slips.len(), &|at| {
+            search.slip(slips[at], short.as_ref()).into_iter().collect()
+        });
+        let mut tries = alone.tried + tried;
+        let of_slips = hunt.judged_again(&alone, singles.len(), tries);
+        if of_slips.is_end() {
+            return of_slips;
         }
-        if !alone.causes.is_empty() {
-            return Ok(alone);
-        }
-        let numbers = alone.closest.iter().filter(|found| matches!(found.cause, Cause::Numbers(_)));
-        let firsts: Vec<FittedCause> = numbers
-            .take(FIRSTS)
-            .map(|found| FittedCause { cause: found.cause.clone(), held_out: found.gain })
-            .collect();
-        let tried = each("trying pairs", firsts.len(), &|place| search.pairs(&firsts[place]))?;
+        let mut firsts: Vec<FittedCause> =
+            singles.into_iter().filter(|found| matches!(found.cause, Cause::Numbers(_))).collect();
+        firsts.sort_by(|a, b| b.held_out.total_cmp(&a.held_out));
+        firsts.truncate(FIRSTS);
+        let pairs = search.promising_pairs(slopes, PAIRS);
+        let before = hunt.found.len();
+        let mut tried = hunt.attempt(("pairs", AT_ONCE), pairs.len(), &|place| {
+            let (cause, gain) = &pairs[place];
+            search.near(cause, *gain).into_iter().collect()
+        });
+        // Each is the work of many causes.
+        tried += hunt.attempt(("pairs with the likeliest numbers", 1), firsts.len(), &|place| {
+            search.pairs(&firsts[place])
+        });
         // Which numbers are first was chosen by what they gain: any pair could have been.
-        let tries = alone.tried + slips + count * count.saturating_sub(1) / 2;
-        let mut pairs = Self::of(&search, tried, tries);
-        if pairs.causes.is_empty() {
-            pairs.closest = alone.closest;
+        let count = slopes.len();
+        if tried > 0 {
+            tries += count * count.saturating_sub(1) / 2;
         }
-        Ok(pairs)
+        let mut found = hunt.judged(hunt.found.get(before..).unwrap_or_default().to_vec(), tries);
+        if found.causes.is_empty() {
+            found.closest = of_slips.closest;
+        }
+        found
     }
 
     /// Judges what was tried: the likeliest, and those as likely, are the causes if one of them leaves nothing that the tests find.
@@ -163,7 +286,7 @@ impl Explanations {
             closest.truncate(CLOSEST);
             causes = Vec::new();
         }
-        Self { causes, closest, tried: tries, needed }
+        Self { causes, closest, tried: tries, needed, ..Self::default() }
     }
 }
 

@@ -62,9 +62,9 @@ impl fmt::Display for InputFault {
 }
 
 /// A fault that is tried.
-struct TriedFault {
-    words: String,
-    changes: Vec<TrialChange>,
+pub(super) struct TriedFault {
+    pub(super) words: String,
+    pub(super) changes: Vec<TrialChange>,
 }
 
 /// The fault of the channels that explains why a filter's innovations are larger than claimed; nothing where they are not, and where none does.
@@ -117,7 +117,7 @@ fn explains(trial: &DiagnosisTrial, base: Option<&DiagnosisTrial>) -> bool {
 }
 
 /// One channel inverted, and two signals exchanged.
-fn of_wiring(bench: &TrialBench, channels: &RecordingChannels) -> Vec<TriedFault> {
+pub(super) fn of_wiring(bench: &TrialBench, channels: &RecordingChannels) -> Vec<TriedFault> {
     let signals = &channels.signals;
     let inverted = |meaning: &String| inverted(bench, meaning);
     let mut tried: Vec<TriedFault> = signals.iter().chain(&channels.inputs).map(inverted).collect();

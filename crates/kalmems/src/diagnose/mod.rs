@@ -26,6 +26,7 @@ mod check_numbers;
 mod coloured_noise;
 mod distinguish;
 mod document;
+mod effort;
 mod error;
 mod explain;
 mod hidden_directions;
@@ -40,6 +41,7 @@ mod paste;
 mod report;
 mod search;
 mod sensitivity;
+mod slopes;
 mod step_cost;
 mod stop;
 mod suspect;
@@ -50,12 +52,12 @@ mod unused;
 pub use answer::AnswerChange;
 pub use check_numbers::{NumberCheck, check_numbers, check_numbers_of};
 pub use distinguish::Proposal;
+pub use effort::DiagnosisEffort;
 pub use error::DiagnoseError;
 pub use identified_experiment::{with_found_numbers, with_noises};
 pub use input_fault::InputFault;
 pub use invisible_parameters::ScaleNote;
 pub use likeliest::{identify, likeliest};
-#[cfg(feature = "parquet-results")]
 #[cfg(feature = "parquet-results")]
 pub(crate) use noise::leaves_noise_open;
 pub use noise::{FoundNoise, load_with_noise, noise_of_recording, with_noise};
@@ -89,8 +91,18 @@ pub fn diagnose(
     filter: Option<&str>,
     progress: &dyn Progress,
 ) -> Result<Diagnosis, DiagnoseError> {
+    diagnose_with(workbench, experiment, (filter, DiagnosisEffort::Usual), progress)
+}
+
+/// The same with as much work as is said. Work that `progress` stops while causes are tried gives those that were found so far.
+pub fn diagnose_with(
+    workbench: &Workbench,
+    experiment: &Experiment,
+    (filter, effort): (Option<&str>, DiagnosisEffort),
+    progress: &dyn Progress,
+) -> Result<Diagnosis, DiagnoseError> {
     let bench = TrialBench::of(workbench, experiment, filter)?.with_files(ROWS, progress)?;
-    of_bench(workbench, experiment, &bench, &bench.stop.watching(progress))
+    of_bench((workbench, effort), experiment, &bench, &bench.stop.watching(progress))
 }
 
 /// The same by a recording that is held in memory, in the place of the first that the rig wants.
@@ -102,7 +114,7 @@ pub fn diagnose_recording(
     progress: &dyn Progress,
 ) -> Result<Diagnosis, DiagnoseError> {
     let bench = TrialBench::of(workbench, experiment, filter)?.with_recording(recording)?;
-    of_bench(workbench, experiment, &bench, &bench.stop.watching(progress))
+    of_bench((workbench, DiagnosisEffort::Usual), experiment, &bench, &bench.stop.watching(progress))
 }
 
 /// The run of the experiment as it is, and what may be wrong of it. Where the filter refuses the recording with what it is told, a run
@@ -123,7 +135,7 @@ fn begin(bench: &TrialBench) -> Result<(DiagnosisTrial, Vec<Suspect>), DiagnoseE
 }
 
 fn of_bench(
-    workbench: &Workbench,
+    (workbench, effort): (&Workbench, DiagnosisEffort),
     experiment: &Experiment,
     bench: &TrialBench,
     progress: &dyn Progress,
@@ -131,7 +143,11 @@ fn of_bench(
     let (mut base, mut suspects) = begin(bench)?;
     let mut notes = Vec::new();
     // Before any number is blamed.
-    let steps = bench.step_errors(None).filter(StepErrors::is_large);
+    let steps = bench.step_errors(None);
+    let filters = experiment.estimate.as_ref().map_or(1, |estimate| estimate.filters.len());
+    let most_rows =
+        effort.rows(bench, &base, (filters, steps.as_ref().map_or(1, |steps| steps.steps_per_sample)));
+    let steps = steps.filter(StepErrors::is_large);
     let is_astray = steps.is_some();
     if base.passes() && !is_astray {
         let numbers = take_numbers(bench, &suspects, &mut base, progress)?;
@@ -140,13 +156,16 @@ fn of_bench(
             notes = invisible_parameters::notes(bench, &numbers, &base);
         }
     }
-    suspects.extend(Suspect::slips(&suspects, &bench.document));
-    let explained = if base.passes() || is_astray {
+    let rig = workbench.rig(&bench.experiment)?;
+    let slips = Suspect::slips(&suspects, &bench.document);
+    suspects.extend(Suspect::further(rig, bench));
+    suspects.extend(slips);
+    let mut explained = if base.passes() || is_astray {
         None
     } else {
-        Some(Explanations::by(bench, &suspects, &base, progress)?)
+        Some(Explanations::by(bench, &suspects, &base, (progress, most_rows)))
     };
-    let rig = workbench.rig(&bench.experiment)?.name();
+    let rig = rig.name();
     let causes: Vec<Vec<TrialChange>> = (explained.iter().flat_map(|found| &found.causes))
         .filter_map(|found| found.cause.changes(&suspects))
         .collect();
@@ -155,11 +174,18 @@ fn of_bench(
     // Noise of the readout is in any recording that could be proposed.
     let is_noise = |found: &ExaminedCause| matches!(found.cause, Cause::ColouredNoise(_));
     let has_noise = explained.iter().flat_map(|found| &found.causes).any(is_noise);
-    let proposal = if causes.len() > 1 && !has_noise && causes.iter().all(of_device) {
-        distinguish::proposal(workbench, experiment, (bench, &base), &causes, progress)?
-    } else {
-        None
-    };
+    let mut proposal = None;
+    if causes.len() > 1 && !has_noise && causes.iter().all(of_device) {
+        if bench.stop.rows() < most_rows {
+            let found = distinguish::proposal(workbench, experiment, (bench, &base), &causes, progress);
+            proposal = found.or_else(|e| if e.is_interruption() { Ok(None) } else { Err(e) })?;
+        } else if let Some(found) = &mut explained {
+            found.left_out.push("recordings that would distinguish the causes".to_owned());
+        }
+    }
+    if progress.reached(0).is_break() {
+        explained = explained.map(Explanations::interrupted);
+    }
     let gains: Vec<f64> = (explained.iter().flat_map(|found| &found.causes))
         .map(|found| found.trial.density() - base.density())
         .collect();
@@ -169,7 +195,10 @@ fn of_bench(
         progress.begin("trying the advice on whole recordings", 0);
         withhold_what_is_worse((workbench, experiment), &mut found, &gains, &bench.stop);
         if progress.reached(0).is_break() {
-            return Err(DiagnoseError::Interrupted);
+            // Lines that were not tried are no advice.
+            let causes = std::mem::take(&mut found.causes).into_iter();
+            found.closest = causes.map(|cause| CauseReport { edits: Vec::new(), ..cause }).collect();
+            found.finding = DiagnosisFinding::Interrupted;
         }
     }
     Ok(found)

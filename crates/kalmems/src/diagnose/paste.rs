@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     fn after(text: &str, key: &str, to: &str) -> String {
-        let edit = Edit { key: key.to_owned(), from: None, to: to.to_owned(), sd: None };
+        let edit = Edit { key: key.to_owned(), to: to.to_owned(), ..Edit::default() };
         changed(text, &edit).unwrap()
     }
 

@@ -8,6 +8,7 @@ use super::change::{ChannelAlteration, TrialChange};
 use super::distinguish::Proposal;
 use super::explain::{ExaminedCause, Explanations};
 use super::invisible_parameters::ScaleNote;
+use super::search::FittedCause;
 use super::suspect::{NumberRole, Suspect};
 use super::trial::DiagnosisTrial;
 use super::unseen::unseen;
@@ -47,8 +48,11 @@ pub struct Diagnosis {
     /// A recording that would tell them apart, where there are several and one was found.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub proposal: Option<Proposal>,
-    /// Where nothing explains it: what explains most.
+    /// Where nothing explains it: what explains most. Of a diagnosis that was interrupted what makes the recording likelier so far.
     pub closest: Vec<CauseReport>,
+    /// What was not tried, so that the diagnosis is no more work than twenty estimates.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
     /// What the signal does not determine, and what it does to the answer.
     pub notes: Vec<ScaleNote>,
     /// What no test of the innovations can see, by the equations of the device.
@@ -66,12 +70,14 @@ pub enum DiagnosisFinding {
     Explained,
     /// They do not, whatever was tried.
     NoneOfThese,
+    /// It was interrupted before it came to an end.
+    Interrupted,
     /// The filter's own steps lead it astray, so that its innovations say nothing of the experiment's numbers.
     Steps,
 }
 
 /// A cause.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct CauseReport {
     /// What is wrong, in a few words.
     pub name: String,
@@ -101,7 +107,7 @@ pub struct CauseReport {
 }
 
 /// A key of the experiment with its new value.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Edit {
     /// The key.
     pub key: String,
@@ -110,9 +116,12 @@ pub struct Edit {
     pub from: Option<String>,
     /// What is to stand there, as TOML.
     pub to: String,
-    /// The relative standard error of a factor, or the standard error in the unit of the value.
+    /// The relative standard error of a factor, or the standard error in the unit of the value, if its cause is the true one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sd: Option<f64>,
+    /// The largest relative difference between this value and the one that another cause of the same list leaves or writes there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub across: Option<f64>,
 }
 
 impl Diagnosis {
@@ -126,11 +135,13 @@ impl Diagnosis {
         let finding = match &explained {
             None if steps.is_some() => DiagnosisFinding::Steps,
             None => DiagnosisFinding::NothingToChange,
+            Some(found) if found.ranking.is_some() => DiagnosisFinding::Interrupted,
             Some(found) if found.causes.is_empty() => DiagnosisFinding::NoneOfThese,
             Some(_) => DiagnosisFinding::Explained,
         };
-        let reports =
-            |all: &[ExaminedCause]| all.iter().map(|found| report((bench, suspects), found)).collect();
+        let reports = |all: &[ExaminedCause]| -> Vec<CauseReport> {
+            all.iter().map(|found| report((bench, suspects), found)).collect()
+        };
         let explained = explained.as_ref();
         let findings = if base.is_its_own() { base.findings() } else { Vec::new() };
         Self {
@@ -143,10 +154,14 @@ impl Diagnosis {
             tests: steps.map(|steps| steps.to_string()).into_iter().chain(findings).collect(),
             tried: explained.map_or(0, |found| found.tried),
             needed: explained.map_or(0.0, |found| found.needed),
-            causes: explained.map_or_else(Vec::new, |found| reports(&found.causes)),
+            causes: explained.map_or_else(Vec::new, |found| compared(reports(&found.causes))),
             answers_differ: explained.and_then(|found| answers_differ(&found.causes)),
             proposal,
-            closest: explained.map_or_else(Vec::new, |found| reports(&found.closest)),
+            closest: explained.map_or_else(Vec::new, |found| match &found.ranking {
+                Some(ranking) => ranking.iter().map(|found| ranked(found, suspects)).collect(),
+                None => reports(&found.closest),
+            }),
+            left_out: explained.map_or_else(Vec::new, |found| found.left_out.clone()),
             unseen: if finding == DiagnosisFinding::NothingToChange {
                 unseen(bench.workbench, experiment)
             } else {
@@ -177,6 +192,40 @@ impl Diagnosis {
         self.causes.iter().filter(|cause| cause.withheld.is_none()).count() > 1
             && !self.answers_differ.is_some_and(|apart| apart <= AS_ONE)
     }
+
+    /// The cause to write: the one of this name or at this place in the list, 1 for the first. Without a name the first, but none of an ambiguous
+    /// set.
+    pub fn chosen(&self, named: Option<&str>) -> Option<&CauseReport> {
+        let Some(named) = named else {
+            let mut usable = self.causes.iter().filter(|cause| cause.withheld.is_none());
+            return usable.next().filter(|_| !self.is_ambiguous());
+        };
+        let place = named.parse::<usize>().ok().and_then(|place| place.checked_sub(1));
+        place
+            .and_then(|place| self.causes.get(place))
+            .or_else(|| self.causes.iter().find(|cause| cause.name == named))
+    }
+}
+
+/// The causes with how far their values are from those of one another.
+fn compared(mut causes: Vec<CauseReport>) -> Vec<CauseReport> {
+    let number = |text: &str| {
+        let text = text.trim_matches('"');
+        crate::units::Value::parse(text).map_or_else(|_| text.parse().ok(), |value| Some(value.si()))
+    };
+    let all = causes.clone();
+    for (place, cause) in causes.iter_mut().enumerate() {
+        for edit in &mut cause.edits {
+            let others = all.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, cause)| {
+                let same = cause.edits.iter().find(|other| other.key == edit.key);
+                same.map_or(edit.from.as_deref(), |other| Some(&other.to))
+            });
+            let Some(own) = number(&edit.to) else { continue };
+            let apart = others.flatten().filter_map(number).map(|other| (other / own - 1.0).abs());
+            edit.across = apart.reduce(f64::max);
+        }
+    }
+    causes
 }
 
 fn report((bench, suspects): (&TrialBench, &[Suspect]), found: &ExaminedCause) -> CauseReport {
@@ -209,9 +258,19 @@ fn report((bench, suspects): (&TrialBench, &[Suspect]), found: &ExaminedCause) -
     }
 }
 
-/// What is said of a cause whose search ended where the likelihood still rises.
-fn end_of_search(cause: &Cause, suspects: &[Suspect]) -> String {
-    let sizes = match cause {
+/// A cause that was found and not yet examined.
+fn ranked(found: &FittedCause, suspects: &[Suspect]) -> CauseReport {
+    let FittedCause { cause, held_out } = found;
+    CauseReport {
+        name: format!("{}{}", name(cause, suspects), sizes_in_words(cause, suspects)),
+        gain: *held_out,
+        ..CauseReport::default()
+    }
+}
+
+/// The sizes of a cause behind its name.
+fn sizes_in_words(cause: &Cause, suspects: &[Suspect]) -> String {
+    let sizes: Vec<String> = match cause {
         Cause::Numbers(numbers) => numbers
             .iter()
             .filter_map(|(place, size)| {
@@ -221,7 +280,12 @@ fn end_of_search(cause: &Cause, suspects: &[Suspect]) -> String {
             .collect(),
         _ => Vec::new(),
     };
-    let of = if sizes.is_empty() { String::new() } else { format!(" ({})", sizes.join(", ")) };
+    if sizes.is_empty() { String::new() } else { format!(" ({})", sizes.join(", ")) }
+}
+
+/// What is said of a cause whose search ended where the likelihood still rises.
+fn end_of_search(cause: &Cause, suspects: &[Suspect]) -> String {
+    let of = sizes_in_words(cause, suspects);
     format!(
         "the search ended where the likelihood still rises{of}: no value is determined, and none is written"
     )
@@ -285,9 +349,18 @@ fn edits(
                     from: get(&bench.document, key).map(ToString::to_string),
                     to: rounded(value, sd).to_string(),
                     sd,
+                    across: None,
                 });
             }
-            TrialChange::Exchanged(_) => {}
+            TrialChange::Exchanged([one, other]) => {
+                let key = |meaning: &String| Key::from("recording").index(0).child("channels").child(meaning);
+                let [column, other_column] = [one, other].map(|meaning| get(&bench.document, &key(meaning)));
+                for (meaning, from, to) in [(one, column, other_column), (other, other_column, column)] {
+                    let (from, to) = (from.map(ToString::to_string), to.map(ToString::to_string));
+                    let Some(to) = to else { continue };
+                    edits.push(Edit { key: key(meaning).to_string(), from, to, ..Edit::default() });
+                }
+            }
             TrialChange::Channel { meaning, how } => {
                 let (name, number) = match how {
                     ChannelAlteration::Scaled(factor) => ("scale", toml::Value::Float(*factor)),
@@ -314,7 +387,8 @@ fn edits(
                     key: channel.to_string(),
                     from: Some(column.to_string()),
                     to: toml::Value::Table(table).to_string(),
-                    sd: sd.first().copied(),
+                    sd: sd.first().copied().filter(|sd| sd.is_finite()),
+                    across: None,
                 });
             }
         }
@@ -419,15 +493,8 @@ mod tests {
         let cause = |place: usize| CauseReport {
             name: format!("number {place}"),
             numbers: 1,
-            gain: 100.0,
             passes: true,
-            answer: None,
-            answer_name: "angle",
-            answer_unit: "rad",
-            edits: Vec::new(),
-            states: Vec::new(),
-            remedy: None,
-            withheld: None,
+            ..CauseReport::default()
         };
         Diagnosis {
             experiment: String::new(),
@@ -443,6 +510,7 @@ mod tests {
             answers_differ,
             proposal: None,
             closest: Vec::new(),
+            left_out: Vec::new(),
             notes: Vec::new(),
             unseen: Vec::new(),
         }
@@ -455,5 +523,34 @@ mod tests {
         assert!(diagnosis(2, Some(2.0)).is_ambiguous());
         // Where nobody knows how far they are apart, nothing is chosen.
         assert!(diagnosis(2, None).is_ambiguous() && diagnosis(2, Some(f64::NAN)).is_ambiguous());
+        // A name chooses from any set.
+        let (one, ambiguous) = (diagnosis(2, Some(0.01)), diagnosis(2, Some(2.0)));
+        let name = |found: Option<&CauseReport>| found.map(|cause| cause.name.clone());
+        assert_eq!(name(one.chosen(None)).as_deref(), Some("number 0"));
+        assert!(ambiguous.chosen(None).is_none() && ambiguous.chosen(Some("3")).is_none());
+        for named in ["2", "number 1"] {
+            assert_eq!(name(ambiguous.chosen(Some(named))).as_deref(), Some("number 1"));
+        }
+    }
+
+    /// A factor of 1.1 of one number, one of 0.9 of it beside another number, and neither.
+    #[test]
+    fn a_value_is_compared_with_what_the_other_causes_write_or_leave_there() {
+        let edit = |key: &str, to: f64| Edit {
+            key: key.to_owned(),
+            from: Some("\"2 V\"".to_owned()),
+            to: format!("\"{to} V\""),
+            ..Edit::default()
+        };
+        let mut causes = diagnosis(3, None).causes;
+        causes[0].edits = vec![edit("a", 2.2)];
+        causes[1].edits = vec![edit("a", 1.8), edit("b", 1.0)];
+        let found = compared(causes);
+        let across: Vec<f64> = found.iter().flat_map(|cause| &cause.edits).filter_map(|e| e.across).collect();
+        let expected = [0.4 / 2.2, 0.4 / 1.8, 1.0];
+        assert!(
+            across.iter().zip(expected).all(|(own, expected)| (own - expected).abs() < 1e-12),
+            "{across:?}"
+        );
     }
 }

@@ -1,8 +1,10 @@
 //! The search for sizes that make the innovations of the fitted blocks the likeliest.
 
+use super::bench::TestedRows;
 use super::bench::TrialBench;
 use super::cause::Cause;
 use super::coloured_noise::ColouredNoiseCause;
+use super::slopes::NumberSlopes;
 use super::suspect::Suspect;
 use super::trial::{DiagnosisTrial, TrialBlocks};
 use crate::fit::{Innovations, MostLikely, most_likely};
@@ -10,6 +12,7 @@ use kalmems_core::Portable;
 use std::borrow::Cow;
 
 /// What is searched among, and what a cause has to be better than.
+#[derive(Clone, Copy)]
 pub(super) struct CauseSearch<'a> {
     pub(super) bench: &'a TrialBench<'a>,
     pub(super) suspects: &'a [Suspect],
@@ -52,6 +55,12 @@ const STARTS: [[f64; 2]; 4] = [[1.0, 1.0], [2.0, 2.0], [4.0, 4.0], [4.0, 16.0]];
 /// A first step of the logarithm of either.
 const COLOURED_STEP: f64 = 0.1;
 
+/// The part of what slopes promise that a run has to gain for them to be relied on.
+const KEPT_PROMISE: f64 = 0.5;
+
+/// The part of a recording that mistaken units are looked for in first: its first block.
+const BEGINNING: usize = 20;
+
 /// Second causes that are followed up for a first.
 const SECONDS: usize = 4;
 
@@ -78,30 +87,83 @@ impl CauseSearch<'_> {
 
     /// Whether a number promises enough to be searched, with the largest promise of all; every one that has any effect, where the filter
     /// does not follow the motion and slopes say nothing.
-    pub(super) fn is_worth(&self, promise: Option<f64>, largest: f64) -> bool {
-        promise.is_some_and(|promise| {
-            !self.base.follows() || promise > LEAST_PROMISE.max(SMALL_PROMISE * largest)
-        })
+    pub(super) fn is_worth(&self, promise: f64, largest: f64) -> bool {
+        !self.base.follows() || promise > LEAST_PROMISE.max(SMALL_PROMISE * largest)
     }
 
-    /// A single number that may be wrong.
-    pub(super) fn number(&self, place: usize) -> Option<FittedCause> {
-        self.beside(&[], place, self.base)
+    /// A single number that may be wrong: from where its slopes say, or else from the likeliest of the sizes that are tried first.
+    pub(super) fn number(&self, place: usize, slopes: &NumberSlopes) -> Option<FittedCause> {
+        let promise = slopes.alone();
+        let near = self.near(&Cause::Numbers(vec![(place, promise.sizes[0])]), promise.gain);
+        near.or_else(|| self.beside(&[], place, self.base))
     }
 
-    /// A mistaken unit or sign, where the filter follows the motion with it and is likelier.
-    pub(super) fn slip(&self, place: usize) -> Option<FittedCause> {
+    /// A cause with its sizes fitted from these on, where the run with them gains most of what their slopes promise: where it does not, the slopes say
+    /// nothing.
+    pub(super) fn near(&self, cause: &Cause, promise: f64) -> Option<FittedCause> {
+        if !self.base.follows() {
+            return None;
+        }
+        let trial = self.trial(cause, &cause.sizes())?;
+        (trial.follows() && self.gained(&trial) > KEPT_PROMISE * promise)
+            .then(|| self.refined(cause, Some(&trial)))?
+    }
+
+    /// By how much the fitted blocks are likelier than as the experiment is, ln p.
+    fn gained(&self, trial: &DiagnosisTrial) -> f64 {
+        trial.log_likelihood(TrialBlocks::Fitted) - self.base.log_likelihood(TrialBlocks::Fitted)
+    }
+
+    /// The pairs of numbers that promise most together, with what they promise: more than either alone.
+    pub(super) fn promising_pairs(&self, slopes: &[(usize, NumberSlopes)], most: usize) -> Vec<(Cause, f64)> {
+        let mut pairs = Vec::new();
+        for (at, (first, own)) in slopes.iter().enumerate() {
+            for (second, other) in slopes.iter().skip(at + 1) {
+                let Some(promise) = own.with(other) else { continue };
+                if promise.gain > LEAST_PROMISE + own.alone().gain.max(other.alone().gain) {
+                    let [a, b] = promise.sizes;
+                    pairs.push((Cause::Numbers(vec![(*first, a), (*second, b)]), promise.gain));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| b.1.total_cmp(&a.1));
+        pairs.truncate(most);
+        pairs
+    }
+
+    /// The first block, which is fitted, as a bench of its own with its run: a mistaken unit or sign shows in it.
+    pub(super) fn beginning(&self) -> Option<(TrialBench<'_>, DiagnosisTrial)> {
+        let bench = self.bench.shortened(TestedRows(self.bench.longest() / BEGINNING));
+        let base =
+            bench.run_unjudged(&[]).or_else(|| (!self.base.is_its_own()).then(|| self.base.clone()))?;
+        Some((bench, base))
+    }
+
+    /// A mistaken unit or sign, or a choice, where the filter follows the motion with it and is likelier, in the beginning already if there is one.
+    pub(super) fn slip(&self, place: usize, beginning: Option<&CauseSearch>) -> Option<FittedCause> {
         let cause = Cause::Numbers(vec![(place, 0.0)]);
-        let trial = self.bench.run_while(&cause.changes(self.suspects)?, &DiagnosisTrial::follows)?;
+        let changes = cause.changes(self.suspects)?;
+        if let Some(beginning) = beginning.filter(|_| self.base.is_its_own()) {
+            let short = beginning.bench.run_while(&changes, &DiagnosisTrial::follows)?;
+            let gained =
+                short.log_likelihood(TrialBlocks::All) - beginning.base.log_likelihood(TrialBlocks::All);
+            if gained.is_nan() || gained < LEAST_PROMISE {
+                return None;
+            }
+        }
+        let trial = self.bench.run_while(&changes, &DiagnosisTrial::follows)?;
         let trial = self.comparable(&cause, trial)?;
-        let gained =
-            trial.log_likelihood(TrialBlocks::Fitted) - self.base.log_likelihood(TrialBlocks::Fitted);
-        (gained > LEAST_PROMISE).then(|| self.refined(&cause, Some(&trial)))?
+        (self.gained(&trial) > LEAST_PROMISE).then(|| self.refined(&cause, Some(&trial)))?
     }
 
     /// A number beside others, with all their sizes fitted: from the size, among those that are tried first, that makes the fitted blocks the
     /// likeliest, or from none. `alone` is the run with the others alone.
-    fn beside(&self, others: &[(usize, f64)], place: usize, alone: &DiagnosisTrial) -> Option<FittedCause> {
+    pub(super) fn beside(
+        &self,
+        others: &[(usize, f64)],
+        place: usize,
+        alone: &DiagnosisTrial,
+    ) -> Option<FittedCause> {
         let with = |size: f64| Cause::Numbers([others, &[(place, size)]].concat());
         let own = alone.log_likelihood(TrialBlocks::Fitted);
         // A run that stands in for another one is none with these sizes.
@@ -138,25 +200,24 @@ impl CauseSearch<'_> {
         let Some(&(place, size)) = numbers.first() else { return Vec::new() };
         let Some(alone) = self.run_unjudged(&first.cause) else { return Vec::new() };
         let mut seconds: Vec<(f64, usize)> = (0..self.suspects.len())
-            .filter(|second| *second != place && !self.suspects[*second].is_slip())
-            .filter_map(|second| Some((self.promise(&[(place, size)], second, &alone)?, second)))
+            .filter(|second| *second != place && !self.suspects[*second].is_further())
+            .filter_map(|second| Some((self.slopes(&[(place, size)], second, &alone)?.alone().gain, second)))
             .collect();
         seconds.sort_by(|a, b| b.0.total_cmp(&a.0));
         let followed = seconds.into_iter().take(SECONDS);
         followed.filter_map(|(_, second)| self.beside(&[(place, size)], second, &alone)).collect()
     }
 
-    /// What a number promises to gain beside others, by the slope of the innovations: g²/2I; `None` of one that changes nothing.
-    pub(super) fn promise(
+    /// What the innovations of the fitted blocks say of a number beside others; `None` of one that changes nothing.
+    pub(super) fn slopes(
         &self,
         others: &[(usize, f64)],
         place: usize,
         alone: &DiagnosisTrial,
-    ) -> Option<f64> {
+    ) -> Option<NumberSlopes> {
         let step = self.step(place);
         let beside = self.run_unjudged(&Cause::Numbers([others, &[(place, step)]].concat()))?;
-        let score = alone.part(TrialBlocks::Fitted).score(&beside.part(TrialBlocks::Fitted), step);
-        (score.information > 0.0).then(|| 0.5 * score.gradient * score.gradient / score.information)
+        NumberSlopes::of(&alone.part(TrialBlocks::Fitted), &beside.part(TrialBlocks::Fitted), step)
     }
 
     /// Noise that a sample shares with those before it, where the innovations show some.

@@ -1,6 +1,8 @@
 //! What may be wrong: numbers of the device table, and what was recorded.
 
+use super::bench::TrialBench;
 use super::change::{ChannelAlteration, TrialChange};
+use super::input_fault::of_wiring;
 use super::noise::square;
 use crate::config::{Experiment, Key, KeyStep, written};
 use crate::rigs::{OmittedNumber, RecordingChannels, Rig};
@@ -37,6 +39,8 @@ pub(super) enum NumberRole {
     Offset { meaning: String, sd: f64 },
     /// Numbers or the column of an input are wrong by this factor, as of a unit that was mistaken, and by e to the size.
     Slip { of: Box<NumberRole>, factor: f64, words: &'static str },
+    /// Something is so or is not, and has no size.
+    Choice { changes: Vec<TrialChange>, words: String },
 }
 
 /// A number in an experiment.
@@ -67,7 +71,7 @@ impl WrittenNumber {
 const FACTORS: [f64; 6] = [1e-4, 1e-3, 5e-3, 2e-2, 8e-2, 0.3];
 
 /// Those of a noise, which is seldom known well.
-const NOISE_FACTORS: [f64; 4] = [0.1, 0.7, 2.3, 4.6];
+const NOISE_FACTORS: [f64; 4] = [0.1, 0.7, 2.3, 4.7];
 
 /// Factors of mistaken units and signs, and what they are of.
 const SLIPS: [(f64, &str); 13] = [
@@ -148,6 +152,28 @@ impl Suspect {
         all.iter().filter(may).flat_map(of).collect()
     }
 
+    /// What else is tried where no number of these explains a recording: another interpolation of an input, and signals that are inverted or
+    /// exchanged.
+    pub(super) fn further(rig: &dyn Rig, bench: &TrialBench) -> Vec<Self> {
+        let (experiment, document) = (&bench.experiment, &bench.document);
+        let choice = |changes, words| Self { what: NumberRole::Choice { changes, words }, sizes: Vec::new() };
+        let mut choices = Vec::new();
+        if let Some(equations) = equations_of(document).filter(|equations| equations.contains_key("inputs")) {
+            let key = Key::from("device.equations.interpolation");
+            let stated = equations.get("interpolation").and_then(Value::as_str);
+            let others = ["hold", "linear"].into_iter().filter(|word| stated != Some(word));
+            choices.extend(others.map(|word| {
+                let change = TrialChange::Key(key.clone(), Value::String(word.to_owned()));
+                choice(vec![change], format!("the input between samples, which is `{word}`"))
+            }));
+        }
+        // The sign of an input is one of its scale.
+        let RecordingChannels { signals, .. } = rig.channels(experiment);
+        let wiring = of_wiring(bench, &RecordingChannels { inputs: Vec::new(), signals });
+        choices.extend(wiring.into_iter().map(|fault| choice(fault.changes, fault.words)));
+        choices
+    }
+
     /// What a size changes; `None` of one that there cannot be.
     pub(super) fn changes(&self, size: f64) -> Option<Vec<TrialChange>> {
         let channel = |meaning: &str, how| vec![TrialChange::Channel { meaning: meaning.to_owned(), how }];
@@ -160,6 +186,7 @@ impl Suspect {
         };
         Some(match &self.what {
             NumberRole::Slip { of, factor, .. } => times(of, factor * Scalar::exp(size)),
+            NumberRole::Choice { changes, .. } => changes.clone(),
             _ if size == 0.0 => Vec::new(),
             NumberRole::Factor(_) | NumberRole::InputScale { .. } => times(&self.what, Scalar::exp(size)),
             NumberRole::Noise { key, variance, unit } => {
@@ -214,6 +241,22 @@ impl Suspect {
         matches!(self.what, NumberRole::Slip { .. })
     }
 
+    /// Whether it is so or is not, without a size.
+    pub(super) const fn is_choice(&self) -> bool {
+        matches!(self.what, NumberRole::Choice { .. })
+    }
+
+    /// Whether it is a choice of the wiring, which any part of a recording shows.
+    pub(super) fn is_wiring(&self) -> bool {
+        let is_of_channels = |change: &TrialChange| !matches!(change, TrialChange::Key(..));
+        matches!(&self.what, NumberRole::Choice { changes, .. } if changes.iter().all(is_of_channels))
+    }
+
+    /// Whether it is tried where no number explains a recording.
+    pub(super) const fn is_further(&self) -> bool {
+        self.is_slip() || self.is_choice()
+    }
+
     /// A first step: half of the smallest size that is tried.
     pub(super) fn step(&self) -> f64 {
         0.5 * self.sizes.iter().fold(f64::INFINITY, |least, size| least.min(size.abs()))
@@ -222,6 +265,7 @@ impl Suspect {
     /// A size in words, with its unit.
     pub(super) fn size_in_words(&self, size: f64) -> String {
         match &self.what {
+            NumberRole::Choice { .. } => String::new(),
             NumberRole::Slip { factor, .. } => format!("times {}", significant(factor * Scalar::exp(size))),
             NumberRole::Factor(_)
             | NumberRole::Noise { .. }
@@ -244,6 +288,7 @@ impl Suspect {
 
     fn name_of(what: &NumberRole) -> String {
         match what {
+            NumberRole::Choice { words, .. } => words.clone(),
             NumberRole::Slip { of, words, .. } => format!("{}, {words}", Self::name_of(of)),
             NumberRole::Factor(numbers) => match numbers.as_slice() {
                 [one] => below_device(&one.key),

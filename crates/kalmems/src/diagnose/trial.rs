@@ -60,6 +60,8 @@ pub(super) struct DiagnosisTrial {
     /// The name of the answer among the states, and its unit.
     pub(super) answer_name: &'static str,
     pub(super) answer_unit: &'static str,
+    /// How many states the filter has.
+    pub(super) states: usize,
     /// The unit of the first signal.
     pub(super) signal_unit: &'static str,
     /// The drive, where it is a steady sine.
@@ -135,6 +137,7 @@ impl DiagnosisTrial {
                 self.updates += usize::from(value.is_finite());
             }
         }
+        self.states = trajectory.states.len();
         self.signal_unit = crate::units::name(&estimate.signal_kind.dimension.to_string());
         if self.start.is_empty() {
             self.drive = estimate.drive;

@@ -26,11 +26,15 @@ impl Diagnosis {
             }
             DiagnosisFinding::Explained => self.explained(),
             DiagnosisFinding::NoneOfThese => self.unexplained(),
+            DiagnosisFinding::Interrupted => self.so_far(),
             DiagnosisFinding::Steps => format!(
                 "the filter's own steps lead it astray, so that its innovations say nothing of the numbers of the experiment: {}. Diagnose it again with that.\n",
                 self.tests.join("; ")
             ),
         };
+        if let Some(left_out) = self.left_out() {
+            text += &format!("\n{left_out}\n");
+        }
         for note in &self.notes {
             text += &format!("\nnote: {note}\n");
         }
@@ -55,11 +59,9 @@ impl Diagnosis {
         }
         if self.causes.iter().any(|cause| !cause.edits.is_empty()) && self.causes.len() > 1 {
             if self.is_ambiguous() {
-                let apart = self.answers_differ.map_or_else(String::new, |apart| {
-                    format!(" With one or another of them the answer differs by up to {} of the standard deviation that the filter claims.", significant(apart))
-                });
                 text += &format!(
-                    "\nWhich of them it is, the recording does not tell.{apart} Measure one of these numbers; `--write` takes the one that `--cause` names.\n"
+                    "\n{} Measure one of these numbers; `--write` takes the one that `--cause` names.\n",
+                    self.ambiguity()
                 );
             } else {
                 text += "\nWrite one of them, the one that is known worst, or measure it; `--write` takes the first.\n";
@@ -67,12 +69,40 @@ impl Diagnosis {
         }
         match &self.proposal {
             Some(proposal) => text += &proposal.to_text(),
-            None if self.causes.len() > 1 => {
+            None if self.causes.len() > 1 && self.left_out.is_empty() => {
                 text += "\nNo other amplitude, frequency or duration of the drive was found that would distinguish them.\n";
             }
             None => {}
         }
         text
+    }
+
+    /// That the recording does not tell the causes apart, and how far their answers differ, as sentences.
+    pub fn ambiguity(&self) -> String {
+        let apart = self.answers_differ.map_or_else(String::new, |apart| {
+            format!(
+                " With one or another of them the answer differs by up to {} of the standard deviation that the filter claims.",
+                significant(apart)
+            )
+        });
+        format!("Which of them it is, the recording does not tell.{apart}")
+    }
+
+    /// What was not tried, as a sentence.
+    fn left_out(&self) -> Option<String> {
+        (!self.left_out.is_empty()).then(|| {
+            let all = self.left_out.join("; ");
+            format!("Left out, because the work is limited: {all}. `--thorough` tries them.")
+        })
+    }
+
+    fn so_far(&self) -> String {
+        let each = self.closest.iter().map(|cause| format!("\n- {}: {:.0}", cause.name, cause.gain));
+        format!(
+            "interrupted before a cause was found that explains the recording. By so much each of these raises the log-likelihood of the blocks that were not \
+             fitted; none of them was examined further:\n{}\n",
+            each.collect::<String>()
+        )
     }
 
     fn unexplained(&self) -> String {
@@ -112,9 +142,14 @@ impl CauseReport {
         if let Some(answer) = &self.answer {
             let _ = write!(text, "; it {}", effect(answer, self.answer_name, self.answer_unit));
         }
-        for Edit { key, from, to, sd } in &self.edits {
+        for Edit { key, from, to, sd, across } in &self.edits {
             let was = from.as_ref().map_or_else(|| "new".to_owned(), |from| format!("was {from}"));
-            let sd = sd.map_or_else(String::new, |sd| format!(", known to {} %", significant(100.0 * sd)));
+            let mut sd =
+                sd.map_or_else(String::new, |sd| format!(", known to {} %", significant(100.0 * sd)));
+            if let Some(across) = across {
+                let part = significant(100.0 * across);
+                sd += &format!(" if this is the cause; the causes differ by {part} % in it");
+            }
             let _ = write!(text, "\n     {key} = {to}  # {was}{sd}");
         }
         if let Some(states) = self.as_states() {
@@ -270,6 +305,10 @@ fn page(found: &Diagnosis) -> Page {
                 link("overconfident")
             ),
         ),
+        DiagnosisFinding::Interrupted => (
+            NoticeSeverity::Warning,
+            "The diagnosis was interrupted before a cause was found that explains the recording.".to_owned(),
+        ),
         DiagnosisFinding::Steps => (
             NoticeSeverity::Warning,
             format!(
@@ -310,6 +349,7 @@ fn page(found: &Diagnosis) -> Page {
     if !table.rows.is_empty() {
         answer = answer.table(table);
     }
+    answer = found.left_out().into_iter().fold(answer, PageSection::paragraph);
     if let Some(Proposal { what, ahead, simulate }) = &found.proposal {
         let text = format!(
             "A recording with {what} would tell them apart: the true one would be ahead by {ahead:.0} in ln p."

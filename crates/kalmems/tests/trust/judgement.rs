@@ -2,6 +2,7 @@
 
 mod advice;
 mod choice;
+mod effort;
 mod hidden;
 mod smoothing;
 mod units;

@@ -53,6 +53,8 @@ pub(super) enum NumberVerdict {
     Written,
     /// The search ended where the likelihood still rises.
     NoMaximum,
+    /// Another value is nearly as likely.
+    SecondMaximum,
     /// The recordings do not tell it.
     Untold,
     /// It depends on another, at this place, that is not told.
@@ -97,6 +99,11 @@ impl NumberJudgement {
             // Beside what is kept there is no filter: nothing is known of the others without it.
             Err(()) => vec![NumberVerdict::Untold; suspects.len()],
         };
+        for place in written(&verdicts) {
+            if sought.second_maximum(suspects, found, place).is_some() {
+                verdicts[place] = NumberVerdict::SecondMaximum;
+            }
+        }
         let told = with(suspects.len(), found, &written(&verdicts));
         for group in groups(&verdicts, &correlation) {
             if let Some(verdict) = refused(sought, suspects, found, (&group, &told)) {

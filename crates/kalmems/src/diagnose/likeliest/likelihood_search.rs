@@ -39,6 +39,13 @@ const OTHER_SIGN: f64 = 5.0;
 const OTHER_MAXIMUM: f64 = 5.0;
 const MOST_JUMPS: usize = 3;
 
+/// ln p by which another maximum has to be less likely for a number to be the one that is found, and the standard errors from which on it is looked
+/// for, with the factor from one distance to the next and how many there are.
+const SECOND_MAXIMUM: f64 = 20.0;
+const NEAREST: f64 = 3.0;
+const FARTHER: f64 = 1.5;
+const DISTANCES: i32 = 24;
+
 /// The parts of a recording at its beginning from which a search grows to all of it.
 const BEGINNINGS: [usize; 4] = [16, 8, 4, 2];
 
@@ -337,6 +344,43 @@ impl LikelihoodSearch<'_> {
             }
         };
         (0..suspects.len()).map(|i| found.at[i] + along(i)).collect()
+    }
+
+    /// Another maximum along a number that is nearly as likely: where ln p, with the others moved as their correlations say, rises again with the distance,
+    /// a search begins anew. A maximum that is narrower than the distances are apart is not seen.
+    pub(super) fn second_maximum(
+        &self,
+        suspects: &[Suspect],
+        found: &MostLikelySizes,
+        place: usize,
+    ) -> Option<MostLikelySizes> {
+        let sd = found.sd[place];
+        let sides = [-1.0, 1.0].into_iter().filter(|_| sd.is_finite());
+        let other = |side: f64| {
+            let mut before = f64::NEG_INFINITY;
+            for step in 0..DISTANCES {
+                let by = (NEAREST * sd * FARTHER.powi(step)).min(ROOM);
+                let fall = self.fall_along(suspects, found, (place, side * by));
+                if fall.is_finite() && fall < before {
+                    let start = Self::along(suspects, found, (place, side * by));
+                    let there = self.most_likely_from(suspects, &start);
+                    let is_other = |there: &MostLikelySizes| {
+                        !there.is_no_maximum()
+                            && (there.at[place] - found.at[place]).abs() > NEAREST * sd
+                            && there.log_likelihood > found.log_likelihood - SECOND_MAXIMUM
+                    };
+                    if let Some(there) = there.filter(is_other) {
+                        return Some(there);
+                    }
+                }
+                before = fall;
+                if by >= ROOM {
+                    break;
+                }
+            }
+            None
+        };
+        sides.into_iter().find_map(other)
     }
 
     /// By how much ln p falls there: ½·(distance/sd)² where the standard error is that of the likelihood. Infinite where there is no filter.

@@ -54,8 +54,10 @@ impl LikelihoodOutcome<'_> {
 
     /// How far a size may be from its likeliest value to either side: nobody knows where the innovations contradict it.
     fn ends(&self, place: usize) -> [f64; 2] {
-        let is_nothing =
-            self.is_contradicted(place) || self.judgement.verdicts[place] == NumberVerdict::NoMaximum;
+        let is_nothing = matches!(
+            self.judgement.verdicts[place],
+            NumberVerdict::Contradicted | NumberVerdict::NoMaximum | NumberVerdict::SecondMaximum
+        );
         if is_nothing { [f64::INFINITY; 2] } else { self.ends[place] }
     }
 
@@ -70,6 +72,11 @@ impl LikelihoodOutcome<'_> {
             NumberVerdict::NoMaximum => {
                 "the search ended where the likelihood still rises, at the end of what is tried or of what the filter can be run with, so that \
                  neither the value nor a standard error means anything"
+                    .to_owned()
+            }
+            NumberVerdict::SecondMaximum => {
+                "another value of it is nearly as likely (ln p less than 20 below): state it so closely that only one of both is left, or record another \
+                 motion"
                     .to_owned()
             }
             NumberVerdict::Untold if self.spread(place).is_finite() => format!(
@@ -161,7 +168,7 @@ impl LikelihoodOutcome<'_> {
             if !is_exact {
                 written.push(index);
             }
-            let edit = Edit { key: number.key.to_string(), from: None, to, sd: None };
+            let edit = Edit { key: number.key.to_string(), to, ..Edit::default() };
             text = changed(&text, &edit).unwrap_or(text);
         }
         self.say(&mut found, &place);

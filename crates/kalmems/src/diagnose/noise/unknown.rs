@@ -156,7 +156,7 @@ fn places(value: &Value, key: &Key, keys: &mut Vec<Key>) {
 
 /// The text with another value at a key.
 pub(super) fn with(text: &str, key: &Key, value: &Value) -> Option<String> {
-    changed(text, &Edit { key: key.to_string(), from: None, to: value.to_string(), sd: None })
+    changed(text, &Edit { key: key.to_string(), to: value.to_string(), ..Edit::default() })
 }
 
 impl UnknownNoise {

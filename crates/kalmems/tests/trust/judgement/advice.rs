@@ -126,3 +126,21 @@ fn what_is_not_determined_is_held_and_the_others_are_found() {
         assert!(one.standard_error < 0.05 * value, "{one:?}");
     }
 }
+
+/// A number that the signal shows by the cosine of its tenfold alone: 0.1 and 2π/10 − 0.1 are the same to the recording.
+#[test]
+fn a_number_with_a_second_maximum_has_no_value() {
+    let folder = usual(3000, 47);
+    let text = format!("{LAG}{EKF}\n[identify]\nparameters = [\"a\", \"tau\"]\n")
+        .replace("c*x in V", "c*x*cos(10*a)/0.5403023058681398 in V")
+        .replace("c = \"1\"", "c = \"1\", a = \"0.11\"");
+    let found = identify(published(), &parsed(&text, &folder), &Silent).unwrap();
+    let of = |name: &str| found.parameters.iter().find(|one| one.name.ends_with(name)).unwrap();
+    let why = found
+        .undetermined
+        .iter()
+        .find(|one| one.what == "parameters.a")
+        .unwrap_or_else(|| panic!("{found:?}"));
+    assert!(why.why.contains("another value of it is nearly as likely"), "{why:?}");
+    assert!(of("a").value.is_nan() && of("tau").value.is_finite(), "{found:?}");
+}
