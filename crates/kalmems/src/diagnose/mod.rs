@@ -145,8 +145,11 @@ fn of_bench(
     // Before any number is blamed.
     let steps = bench.step_errors(None);
     let filters = experiment.estimate.as_ref().map_or(1, |estimate| estimate.filters.len());
-    let most_rows =
-        effort.rows(bench, &base, (filters, steps.as_ref().map_or(1, |steps| steps.steps_per_sample)));
+    let most_rows = effort.rows(
+        bench,
+        &base,
+        (filters, steps.as_ref().and_then(|steps| steps.steps_per_sample).unwrap_or(1)),
+    );
     let steps = steps.filter(StepErrors::is_large);
     let is_astray = steps.is_some();
     if base.passes() && !is_astray {
