@@ -39,7 +39,7 @@ pub struct Calibration {
 /// A number with what it is known to.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct UncertainEstimate {
-    /// The number.
+    /// In SI.
     pub value: f64,
     /// Its standard uncertainty by the records alone: noise, and scatter where there is more than noise.
     pub by_records: f64,
@@ -107,11 +107,11 @@ impl UncertainEstimate {
 /// A gyroscope at one temperature by one reference.
 #[derive(Clone, Debug, Serialize)]
 pub struct CalibratedGyroscope {
-    /// The condition.
+    /// As the settings call the condition of its records, such as `25 degC`.
     pub condition: String,
     /// Its temperature in K, where it is stated.
     pub temperature_k: Option<f64>,
-    /// The reference.
+    /// As the settings call the reference, such as a rate table.
     pub reference: String,
     /// The axis that moves most: 0 for x.
     pub main: usize,

@@ -93,7 +93,7 @@ fn a_curve_of_too_many_points_is_refused_before_it_is_read_to_its_end() {
     let tables = "role = \"test\"\n[device.equations.tables]\nC = { file = \"C.csv\", x = \"x_um\", y = \"C_V\" }\n[estimate]\nskip = \"0.1 s\"";
     fs::write(folder.path().join("e.toml"), experiment("C(x)", tables)).unwrap();
     for (rows, expected) in [(1_100_000, "more than 1048576 rows"), (1000, "`words` is no number")] {
-        let points: String = (0..rows).map(|k| format!("{k},{k}\n")).collect();
+        let points = (0..rows).fold(String::new(), |text, k| text + &format!("{k},{k}\n"));
         fs::write(folder.path().join("C.csv"), format!("x_um,C_V\n{points}words,0\n")).unwrap();
         let output = run(folder.path(), &["estimate", "e.toml", "--out", "out"].map(OsStr::new));
         let said = String::from_utf8(output.stderr).unwrap();

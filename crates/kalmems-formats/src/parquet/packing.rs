@@ -156,7 +156,8 @@ mod tests {
             \x28\xb5\x2f\xfd\x24\x30\x81\x01\x00\x00\x30\xaa\x6e\x7c\xd4\x76\x62\x98\x18\xe2\xf6\x54\xfc\xee\x2a\
             \xb0\x80\x9a\xfe\xac\xa4\xe6\x72\x48\x68\xd2\x86\x84\xcc\x5e\x3a\x60\xd0\x8a\x8e\xdc\x74\x56\x82\xf8\
             \xb8\xc2\x16\xb4\x9c\xce\x4a\x9f\x0d\xb3\xa5";
-        let bytes: Vec<u8> = (0..48_u32).map(|k| ((37 * k * k + 11 * k) % 256) as u8).collect();
+        let bytes: Vec<u8> =
+            (0..48_u32).map(|k| u8::try_from((37 * k * k + 11 * k) % 256).unwrap()).collect();
         assert_eq!(unpacked(PagePacking::Zstd, FRAME, 48), Some(bytes.clone()));
         for (place, bit) in (0..FRAME.len()).flat_map(|place| (0..8).map(move |bit| (place, bit))) {
             let mut packed = FRAME.to_vec();

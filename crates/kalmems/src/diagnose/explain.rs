@@ -209,11 +209,11 @@ impl Explanations {
         if alone.ranking.is_some() || alone.causes.iter().any(is_number) {
             return alone;
         }
-        Self::further(&mut hunt, &slopes, alone)
+        Self::further(&mut hunt, &slopes, &alone)
     }
 
     /// What is tried where no number alone explains the recording: units, signs and wiring, and pairs.
-    fn further(hunt: &mut CauseHunt, slopes: &[(usize, NumberSlopes)], alone: Self) -> Self {
+    fn further(hunt: &mut CauseHunt, slopes: &[(usize, NumberSlopes)], alone: &Self) -> Self {
         let search = hunt.search;
         let suspects = search.suspects;
         let singles = hunt.found.clone();
@@ -225,7 +225,7 @@ impl Explanations {
             search.slip(slips[at], short.as_ref()).into_iter().collect()
         });
         let mut tries = alone.tried + tried;
-        let of_slips = hunt.judged_again(&alone, singles.len(), tries);
+        let of_slips = hunt.judged_again(alone, singles.len(), tries);
         if of_slips.is_end() {
             return of_slips;
         }
@@ -233,7 +233,7 @@ impl Explanations {
             singles.into_iter().filter(|found| matches!(found.cause, Cause::Numbers(_))).collect();
         firsts.sort_by(|a, b| b.held_out.total_cmp(&a.held_out));
         firsts.truncate(FIRSTS);
-        let pairs = search.promising_pairs(slopes, PAIRS);
+        let pairs = CauseSearch::promising_pairs(slopes, PAIRS);
         let before = hunt.found.len();
         let mut tried = hunt.attempt(("pairs", AT_ONCE), pairs.len(), &|place| {
             let (cause, gain) = &pairs[place];

@@ -115,7 +115,7 @@ impl CauseSearch<'_> {
     }
 
     /// The pairs of numbers that promise most together, with what they promise: more than either alone.
-    pub(super) fn promising_pairs(&self, slopes: &[(usize, NumberSlopes)], most: usize) -> Vec<(Cause, f64)> {
+    pub(super) fn promising_pairs(slopes: &[(usize, NumberSlopes)], most: usize) -> Vec<(Cause, f64)> {
         let mut pairs = Vec::new();
         for (at, (first, own)) in slopes.iter().enumerate() {
             for (second, other) in slopes.iter().skip(at + 1) {
