@@ -41,18 +41,18 @@ pub struct Calibration {
 pub struct UncertainEstimate {
     /// In SI.
     pub value: f64,
-    /// Its standard uncertainty by the records alone: noise, and scatter where there is more than noise.
+    /// Its standard uncertainty by the records alone: noise, and any scatter beyond it.
     pub by_records: f64,
     /// Half of the interval of 95 % by the records alone.
     pub expanded_by_records: f64,
-    /// The effective degrees of freedom of the records alone; `null` in JSON where they are infinite.
+    /// The effective degrees of freedom of the records alone; `null` in JSON if infinite.
     #[serde(serialize_with = "or_null")]
     pub degrees_of_freedom_by_records: f64,
     /// By which the standard uncertainty by the records alone becomes the expanded one.
     pub coverage_factor_by_records: f64,
     /// Its standard uncertainty with all that is stated besides.
     pub uncertainty: f64,
-    /// The effective degrees of freedom of that; `null` in JSON where they are infinite.
+    /// The effective degrees of freedom of that; `null` in JSON if infinite.
     #[serde(serialize_with = "or_null")]
     pub degrees_of_freedom: f64,
     /// By which the standard uncertainty becomes the expanded one.
