@@ -173,7 +173,7 @@ impl Outcome {
         self.drawn(py).map(|(html, _)| html)
     }
 
-    /// The pictures of the report by their names, as SVG and as PNG.
+    /// The pictures of the report by their names, as SVG.
     #[pyo3(signature = () -> "dict[str, bytes]")]
     fn figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         self.drawn(py).and_then(|(_, figures)| pictures(py, &figures))

@@ -1,7 +1,7 @@
 //! Figures as files, and as data for a program that draws them itself.
 
 use crate::errors::failed;
-use kalmems::figures::{Axis, AxisScale, Figure, MapGrid, Panel, ReportError, Series, SeriesStyle, Shape};
+use kalmems::figures::{Axis, AxisScale, Figure, MapGrid, Panel, Series, SeriesStyle, Shape};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use serde_json::{Value, json};
@@ -53,19 +53,13 @@ fn map(grid: &MapGrid) -> Value {
     json!({ "x": grid.x, "y": grid.y, "values": grid.values, "colours": axis(&grid.colours), "level": grid.level })
 }
 
-/// Pictures by their names, as SVG and as PNG.
+/// Pictures by their names, as SVG.
 pub fn pictures<'py>(py: Python<'py>, figures: &[Figure]) -> PyResult<Bound<'py, PyDict>> {
     let files = PyDict::new(py);
     for figure in figures {
-        let mut made: Vec<(String, Vec<u8>)> = Vec::new();
-        let keep = |name: &str, content: &[u8]| {
-            made.push((name.trim_start_matches("figures/").to_owned(), content.to_vec()));
-            Ok::<(), ReportError>(())
-        };
-        figure.files(keep).map_err(|error| failed(py, &error))?;
-        for (name, content) in made {
-            files.set_item(name, PyBytes::new(py, &content))?;
-        }
+        figure.files(|name, content| {
+            files.set_item(name.trim_start_matches("figures/"), PyBytes::new(py, content))
+        })?;
     }
     Ok(files)
 }

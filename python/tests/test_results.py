@@ -303,7 +303,7 @@ def test_a_wrong_stiffness_is_diagnosed_and_corrected(scanner: kalmems.Experimen
 def test_applications_give_arrays_and_figures() -> None:
     calibration = kalmems.calibrate(EXAMPLES / "gyroscope/calibration.toml")
     assert calibration.metrics and "scale factor" in str(calibration)
-    assert calibration.figures["allan.svg"].startswith(b"<svg") and calibration.figures["allan.png"].startswith(b"\x89PNG")
+    assert calibration.figures["allan.svg"].startswith(b"<svg")
     image = kalmems.image(EXAMPLES / "shared_scanner/image.toml")
     assert image.values.ndim == 2 and np.isfinite(image.values).any()
     with pytest.raises(kalmems.ExperimentError):

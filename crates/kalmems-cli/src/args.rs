@@ -576,9 +576,9 @@ pub struct InspectArguments {
     /// Which column is the time, and its unit, such as `t=ms`, where the name of the column does not say it.
     #[arg(long, value_name = "COLUMN=UNIT", value_parser = pair)]
     pub time: Option<(String, String)>,
-    /// Draw it to this PNG file as well.
+    /// Draw it to this SVG file as well.
     #[arg(long, value_name = "FILE")]
-    pub png: Option<PathBuf>,
+    pub svg: Option<PathBuf>,
     /// Of a recording: write the report, a page to look into, to this HTML file as well.
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,

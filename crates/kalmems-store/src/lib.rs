@@ -13,7 +13,7 @@
 //! earlier result is removed if the new one says the same, and is kept as `TARGET.previous` otherwise. What a run that
 //! was killed left behind is cleared by the next run beside it.
 //!
-//! A picture or another single file follows the same rules, see [`write_file`].
+//! A picture or another single file follows the same rules, see [`write_picture`].
 
 mod error;
 mod exchange;
@@ -32,7 +32,7 @@ pub use error::OutputError;
 pub use exchange::sync_folder;
 pub use manifest::MANIFEST;
 pub use sealed::ResultFile;
-pub use single::{create_file, keep_aside, write_file, write_page};
+pub use single::{create_file, keep_aside, write_page, write_picture};
 pub use stored::StoredResult;
 pub use work::{Subject, Work, way_from};
 

@@ -8,48 +8,35 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// The keyword of the text in a picture that says that the program made it, with the checksum of all before it.
-const KEYWORD: &[u8] = b"kalmems\0";
-/// Hexadecimal digits of a checksum.
-const DIGITS: usize = 64;
-/// A chunk of PNG has its length before, and its kind and a checksum around it.
-const AROUND: usize = 12;
-const MARK: usize = AROUND + KEYWORD.len() + DIGITS;
-/// The end of every PNG file.
-const END: usize = AROUND;
-
-/// Writes a picture as PNG, whole or not at all.
+/// Writes a picture as SVG, whole or not at all. It ends with a comment that says that the program made it.
 ///
 /// Only a picture that the program made and nobody changed since is replaced; another regular file is put aside as
 /// `PATH.previous` with `force`. Anything else, such as a device, a pipe or a link, is refused.
-pub fn write_file(path: &Path, png: &[u8], force: bool) -> Result<(), OutputError> {
-    let what = "there and is no picture that kalmems made and nobody changed";
-    write_marked(path, &marked(png), is_marked, (".png", what), force)
+pub fn write_picture(path: &Path, svg: &str, force: bool) -> Result<(), OutputError> {
+    write_marked(path, svg, ".svg", "there and is no picture that kalmems made and nobody changed", force)
 }
 
-/// Writes a page as HTML by the rules of [`write_file`]: it ends with a comment that says that the program made it.
+/// Writes a page as HTML by the rules of [`write_picture`].
 pub fn write_page(path: &Path, html: &str, force: bool) -> Result<(), OutputError> {
-    let what = "there and is no page that kalmems made and nobody changed";
-    let content = [html.as_bytes(), comment(html.as_bytes()).as_bytes()].concat();
-    write_marked(path, &content, ends_with_comment, (".html", what), force)
+    write_marked(path, html, ".html", "there and is no page that kalmems made and nobody changed", force)
 }
 
-/// The comment behind a page.
-fn comment(html: &[u8]) -> String {
-    format!("\n<!-- kalmems {} -->\n", checksum_of(html))
+/// The comment behind a text.
+fn comment(text: &[u8]) -> String {
+    format!("\n<!-- kalmems {} -->\n", checksum_of(text))
 }
 
-/// Whether a page says that the program made it, and is as it was then.
-fn ends_with_comment(page: &[u8]) -> bool {
-    let at = page.len().saturating_sub(comment(&[]).len());
-    page.get(..at).is_some_and(|html| page.get(at..) == Some(comment(html).as_bytes()))
+/// Whether a text says that the program made it, and is as it was then.
+fn is_own(text: &[u8]) -> bool {
+    let at = text.len().saturating_sub(comment(&[]).len());
+    text.get(..at).is_some_and(|before| text.get(at..) == Some(comment(before).as_bytes()))
 }
 
 fn write_marked(
     path: &Path,
-    content: &[u8],
-    is_own: fn(&[u8]) -> bool,
-    (suffix, what): (&str, &'static str),
+    text: &str,
+    suffix: &str,
+    what: &'static str,
     force: bool,
 ) -> Result<(), OutputError> {
     let error = |source| OutputError::Io { path: path.to_owned(), source };
@@ -62,7 +49,8 @@ fn write_marked(
     // Beside its place first, so that there is never half of it.
     let staged = tempfile::Builder::new().prefix(".kalmems-").suffix(suffix).tempfile_in(folder);
     let mut staged = staged.map_err(error)?;
-    staged.write_all(content).and_then(|()| staged.as_file().sync_all()).map_err(error)?;
+    let marked = [text, &comment(text.as_bytes())].concat();
+    staged.write_all(marked.as_bytes()).and_then(|()| staged.as_file().sync_all()).map_err(error)?;
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
@@ -124,39 +112,9 @@ pub fn keep_aside(path: &Path) -> io::Result<PathBuf> {
     Ok(kept)
 }
 
-/// A picture that says that the program made it.
-fn marked(png: &[u8]) -> Vec<u8> {
-    let Some((image, end)) = png.len().checked_sub(END).map(|at| png.split_at(at)) else {
-        return png.to_vec();
-    };
-    [image, &mark(image), end].concat()
-}
-
-/// Whether a picture says that the program made it, and is as it was then.
-fn is_marked(png: &[u8]) -> bool {
-    let Some(at) = png.len().checked_sub(MARK + END) else { return false };
-    png.get(at..at + MARK).is_some_and(|found| found == mark(&png[..at]))
-}
-
-/// The chunk of text (PNG specification, tEXt) that goes behind an image.
-fn mark(image: &[u8]) -> Vec<u8> {
-    let text = [b"tEXt", KEYWORD, checksum_of(image).as_bytes()].concat();
-    let length = u32::try_from(KEYWORD.len() + DIGITS).unwrap_or(u32::MAX);
-    let check = crc32fast::hash(&text);
-    [&length.to_be_bytes()[..], &text, &check.to_be_bytes()].concat()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn picture(shade: u8) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, 2, 1);
-        encoder.set_color(png::ColorType::Grayscale);
-        encoder.write_header().unwrap().write_image_data(&[shade, 7]).unwrap();
-        bytes
-    }
 
     #[test]
     fn a_page_that_nobody_changed_is_replaced_and_another_is_not() {
@@ -175,25 +133,22 @@ mod tests {
     #[test]
     fn a_picture_stays_one_with_its_mark_and_replaces_no_other() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.png");
-        write_file(&path, &picture(1), false).unwrap();
-        let mut reader =
-            png::Decoder::new(io::BufReader::new(File::open(&path).unwrap())).read_info().unwrap();
-        let mut pixels = [0; 2];
-        reader.next_frame(&mut pixels).unwrap();
-        assert_eq!(pixels, [1, 7]);
+        let path = folder.path().join("a.svg");
+        write_picture(&path, "<svg>1</svg>", false).unwrap();
+        let marked = fs::read_to_string(&path).unwrap();
+        assert!(marked.starts_with("<svg>1</svg>\n<!-- kalmems "));
         // One's own, untouched: replaced. Touched, or somebody's: refused, and kept with force.
-        write_file(&path, &picture(2), false).unwrap();
-        for theirs in [marked(&picture(3)).split_last().unwrap().1.to_vec(), picture(4), b"thesis".to_vec()] {
-            fs::write(&path, &theirs).unwrap();
-            assert!(matches!(write_file(&path, &picture(5), false), Err(OutputError::File { .. })));
-            assert_eq!(fs::read(&path).unwrap(), theirs);
+        write_picture(&path, "<svg>2</svg>", false).unwrap();
+        for theirs in [marked.trim_end(), "<svg>4</svg>", "thesis"] {
+            fs::write(&path, theirs).unwrap();
+            assert!(matches!(write_picture(&path, "<svg>5</svg>", false), Err(OutputError::File { .. })));
+            assert_eq!(fs::read_to_string(&path).unwrap(), theirs);
         }
-        write_file(&path, &picture(5), true).unwrap();
-        assert_eq!(fs::read(folder.path().join("a.png.previous")).unwrap(), b"thesis");
+        write_picture(&path, "<svg>5</svg>", true).unwrap();
+        assert_eq!(fs::read(folder.path().join("a.svg.previous")).unwrap(), b"thesis");
         fs::write(&path, "second thesis").unwrap();
-        write_file(&path, &picture(6), true).unwrap();
-        assert_eq!(fs::read(folder.path().join("a.png.previous-2")).unwrap(), b"second thesis");
+        write_picture(&path, "<svg>6</svg>", true).unwrap();
+        assert_eq!(fs::read(folder.path().join("a.svg.previous-2")).unwrap(), b"second thesis");
     }
 
     #[cfg(unix)]
@@ -205,7 +160,7 @@ mod tests {
         std::os::unix::fs::symlink(&there, &link).unwrap();
         for path in [&link, Path::new("/dev/null"), folder.path()] {
             for force in [false, true] {
-                assert!(matches!(write_file(path, &picture(1), force), Err(OutputError::File { .. })));
+                assert!(matches!(write_picture(path, "<svg/>", force), Err(OutputError::File { .. })));
                 assert!(matches!(create_file(path, |_| true, force), Err(OutputError::File { .. })));
             }
         }

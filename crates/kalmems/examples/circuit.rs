@@ -34,8 +34,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let figures = [spectra()?, rejection, models()?, cost()?];
     for figure in &figures {
         std::fs::write(folder.join(format!("{}.svg", figure.id)), figure.to_svg())?;
-        if std::env::args().any(|argument| argument == "--png") {
-            std::fs::write(std::env::temp_dir().join(format!("{}.png", figure.id)), figure.to_png()?)?;
+        if std::env::args().any(|argument| argument == "--svg") {
+            std::fs::write(std::env::temp_dir().join(format!("{}.svg", figure.id)), figure.to_svg())?;
         }
     }
     std::fs::write(folder.join("circuit_orders.md"), orders)?;

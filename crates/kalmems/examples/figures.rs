@@ -27,8 +27,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::write(folder.join("integrator_growth.md"), table)?;
 
     for (file, figures) in [
-        ("experiment", &[("motion", "svg"), ("angle_error", "svg"), ("motion", "png")][..]),
-        ("stiffness_state", &[("phase_error", "svg")]),
+        ("experiment", &["motion", "angle_error"][..]),
+        ("stiffness_state", &["phase_error"]),
     ] {
         let experiment = published().load(&root.join(format!("examples/shared_scanner/{file}.toml")))?;
         let outcome = workflow::estimate(published(), &experiment, &Silent)?;
@@ -40,9 +40,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             Output::begin(&results, &Work::of_file("estimate", experiment.path(), experiment.files()))?;
         write_estimate(&outcome, &metrics, &output, WriteOptions::default(), info, &|| false)?;
         output.commit()?;
-        for (name, ending) in figures {
-            let to = folder.join(format!("shared_scanner_{name}.{ending}"));
-            std::fs::copy(results.join(format!("figures/{name}.{ending}")), to)?;
+        for name in figures {
+            let to = folder.join(format!("shared_scanner_{name}.svg"));
+            std::fs::copy(results.join(format!("figures/{name}.svg")), to)?;
         }
         if file == "stiffness_state" {
             let table = summary_table(&metrics, false).to_text();

@@ -65,7 +65,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for figure in [with_and_without(&cooled, &held), commands(&cooled)] {
         std::fs::write(folder.join(format!("{}.svg", figure.id)), figure.to_svg())?;
         if let Some(pictures) = std::env::args_os().nth(1).map(PathBuf::from) {
-            std::fs::write(pictures.join(format!("{}.png", figure.id)), figure.to_png()?)?;
+            std::fs::write(pictures.join(format!("{}.svg", figure.id)), figure.to_svg())?;
         }
     }
     println!("written to {}", folder.display());

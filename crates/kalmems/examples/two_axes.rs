@@ -46,8 +46,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         workflow::estimate(published(), &published().load(&simulated.join("experiment.toml"))?, &Silent)?;
     let table = summary_table(&Metrics::of(&outcome), false).to_text();
     std::fs::write(folder.join("two_axes_errors.txt"), table.as_bytes())?;
-    if let Some(png) = std::env::args().nth(1) {
-        std::fs::write(png, figure.to_png()?)?;
+    if let Some(path) = std::env::args().nth(1) {
+        std::fs::write(path, figure.to_svg())?;
     }
     println!("{plan}\n{table}");
     Ok(())

@@ -63,7 +63,7 @@ class Outcome:
 
     def figures(self, /) -> dict[str, bytes]:
         """
-        The pictures of the report by their names, as SVG and as PNG.
+        The pictures of the report by their names, as SVG.
         """
 
     def metrics_json(self, /) -> str:

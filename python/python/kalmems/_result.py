@@ -327,7 +327,7 @@ class Result:
         return self._report
 
     def figures(self) -> dict[str, bytes]:
-        """The pictures of the report by their names, as SVG and as PNG."""
+        """The pictures of the report by their names, as SVG."""
         return self._native().figures()
 
     def write(self, folder: str | os.PathLike[str], *, trajectories: bool = True, force: bool = False) -> Path:

@@ -40,7 +40,7 @@ class Calibration(_Told):
     """The calibration of a gyroscope, with its budget of uncertainty."""
 
     figures: dict[str, bytes]
-    """The pictures of the report by their names, as SVG and as PNG."""
+    """The pictures of the report by their names, as SVG."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -18,7 +18,7 @@ use kalmems_figures::{
     Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole,
     TextTable, guarded,
 };
-use kalmems_store::{Output, RunInfo, RunTiming};
+use kalmems_store::{Output, OutputError, RunInfo, RunTiming};
 use serde::Serialize;
 use std::io::{self, Write};
 
@@ -860,12 +860,12 @@ pub fn write_refused_calibration(
         .with(parts.iter().cloned().fold(section, PageSection::figure));
     let html = page.to_html()?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
-    write_figures(parts, output)
+    Ok(write_figures(parts, output)?)
 }
 
-fn write_figures(figures: &[Figure], output: &Output) -> Result<(), WriteError> {
+fn write_figures(figures: &[Figure], output: &Output) -> Result<(), OutputError> {
     figures.iter().try_for_each(|figure| {
-        figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))
+        figure.files(|name, content| output.write(name, |w| w.write_all(content)))
     })
 }
 

@@ -279,7 +279,7 @@ pub fn write_image(
     let html = image_page(outcome, developed, metrics, &figures)?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in &figures {
-        figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))?;
+        figure.files(|name, content| output.write(name, |w| w.write_all(content)))?;
     }
     let pictures = [
         ("image.png", &developed.picture),

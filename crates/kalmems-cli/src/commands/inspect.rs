@@ -40,7 +40,7 @@ fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), Com
     let bar = ProgressDisplay::default();
     outlook.topics.extend(step_cost(workbench, &experiment, &bar));
     drop(bar);
-    if let Some(path) = &arguments.png {
+    if let Some(path) = &arguments.svg {
         draw_outlook(&outlook, path, arguments.force).map_err(|e| wrong(&e))?;
     }
     if let Some(out) = &arguments.out {
@@ -57,7 +57,7 @@ fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), Com
 /// What a recording holds.
 fn recording(arguments: &InspectArguments) -> Result<(), CommandEnding> {
     if arguments.out.is_some() {
-        let why = "`--out` is for an experiment file; of a recording one picture is drawn, with `--png`, and a page written, with `--report`";
+        let why = "`--out` is for an experiment file; of a recording one picture is drawn, with `--svg`, and a page written, with `--report`";
         return Err(CommandEnding::Wrong(why.to_owned()));
     }
     let stated = StatedFile {
@@ -73,7 +73,7 @@ fn recording(arguments: &InspectArguments) -> Result<(), CommandEnding> {
             e => unread(&e),
         })?;
     drop(bar);
-    if let Some(path) = &arguments.png {
+    if let Some(path) = &arguments.svg {
         kalmems::results::draw_inspection(&inspection, path, arguments.force).map_err(|e| wrong(&e))?;
     }
     if let Some(path) = &arguments.report {

@@ -27,7 +27,7 @@ pub fn run(workbench: &Workbench, arguments: &SpectrumArguments) -> Result<(), C
     write_spectrum(&outcome, &metrics, &output, info).map_err(|e| wrong(&e))?;
     let out = target::finish(output)?;
     print_result(arguments.json, &metrics, || metrics.to_text())?;
-    let picture = out.join("figures").join("spectrum.png");
+    let picture = out.join("figures").join("spectrum.svg");
     tell!("results in {}; look at {}", out.display(), picture.display());
     Ok(())
 }

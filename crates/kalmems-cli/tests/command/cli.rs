@@ -373,12 +373,12 @@ fn a_result_of_another_input_is_not_overwritten() {
 #[test]
 fn inspect_describes_a_recording() {
     let folder = tempfile::tempdir().unwrap();
-    let png = folder.path().join("channels.png");
+    let svg = folder.path().join("channels.svg");
     let recording = "examples/shared_scanner/recording.csv";
-    let output = run(&["inspect", recording, "--png", png.to_str().unwrap()]);
+    let output = run(&["inspect", recording, "--svg", svg.to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     insta::assert_snapshot!(text(&output.stdout));
-    assert!(std::fs::read(&png).unwrap().starts_with(b"\x89PNG"));
+    assert!(std::fs::read_to_string(&svg).unwrap().starts_with("<svg"));
     let output = run(&["inspect", recording, "--json"]);
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(json["rows"], 24_001);
@@ -455,7 +455,7 @@ fn inspect_predicts_the_motion_of_a_device() {
     // Of a recording there is one picture, and no folder.
     let output = run(&["inspect", "examples/shared_scanner/recording.csv", "--out", "x"]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(text(&output.stderr).contains("--png"));
+    assert!(text(&output.stderr).contains("--svg"));
 }
 
 /// A recording long enough to be interrupted while it is worked on.
@@ -715,7 +715,7 @@ fn long_parameters_are_identified_and_used() {
     let (json, files) = &identified[0];
     assert_eq!(json.as_bytes(), &files["identification.json"]);
     for figure in ["ring_down_fit", "ring_down_residuals", "capacitance_profile", "circuit_gain", "noise"] {
-        assert!(files.contains_key(&format!("figures/{figure}.png")), "{figure}");
+        assert!(files.contains_key(&format!("figures/{figure}.svg")), "{figure}");
     }
     let json: serde_json::Value = serde_json::from_str(json).unwrap();
     let truth = [
@@ -860,7 +860,7 @@ fn a_long_recording_in_parts_gives_the_trajectories_of_one_in_memory() {
             assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
         }
     }
-    assert!(out.join("figures/course.png").is_file() && out.join("report.html").is_file());
+    assert!(out.join("figures/course.svg").is_file() && out.join("report.html").is_file());
     crate::report_samples::agrees(&out, &outcome);
 }
 
@@ -1707,7 +1707,7 @@ fn a_command_whose_outputs_are_closed_ends_as_with_open_ones() {
     }
     let frames = ["open", "closed"].map(|name| std::fs::read(path(name)).unwrap());
     assert!(!frames[0].is_empty() && frames[0] == frames[1]);
-    assert!(folder.path().join("spectrum/figures/spectrum.png").is_file());
+    assert!(folder.path().join("spectrum/figures/spectrum.svg").is_file());
 }
 
 /// The digits of a text that stand in a row, the most.

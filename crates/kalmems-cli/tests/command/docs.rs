@@ -226,7 +226,7 @@ fn is_made(word: &str, page: &[Documented]) -> bool {
     let written = |one: &Documented| {
         let pairs = one.words.windows(2);
         pairs
-            .filter(|pair| matches!(&*pair[0], "--write" | "--out" | "--png"))
+            .filter(|pair| matches!(&*pair[0], "--write" | "--out" | "--svg"))
             .any(|pair| word.starts_with(&pair[1]))
     };
     word.starts_with("out/") || page.iter().any(written)
@@ -254,7 +254,7 @@ fn every_command_of_the_documentation_is_one_and_its_files_are_there() {
                 }
             }
             let is_path = |word: &&String| {
-                [".toml", ".csv", ".png"].iter().any(|ending| word.ends_with(ending)) && !word.contains('=')
+                [".toml", ".csv", ".svg"].iter().any(|ending| word.ends_with(ending)) && !word.contains('=')
             };
             for word in words.iter().filter(is_path) {
                 if !root().join(word).is_file() && !is_made(word, &commands) {

@@ -76,9 +76,9 @@ fn two_lines_are_kept_apart_along_the_estimate_and_lost_without() {
         "spectrum.csv",
         "scans.csv",
         "spectrum.jdx",
-        "figures/spectrum.png",
+        "figures/spectrum.svg",
         "figures/interferogram.svg",
-        "figures/coadding.png",
+        "figures/coadding.svg",
     ] {
         let [a, b] =
             ["along", "recorded"].map(|out| std::fs::read(Path::new(&path(out)).join(file)).unwrap());

@@ -165,24 +165,24 @@ fn an_earlier_result_with_other_settings_is_kept_and_another_experiments_refuses
 #[test]
 fn a_picture_replaces_nothing_that_the_program_did_not_make() {
     let lab = Laboratory::new();
-    let inspect = |path: &'static str| ["inspect", "recording.csv", "--png", path];
-    lab.good(&inspect("a.png"));
-    lab.good(&inspect("a.png"));
-    lab.put("theirs.png", "a picture of somebody's");
+    let inspect = |path: &'static str| ["inspect", "recording.csv", "--svg", path];
+    lab.good(&inspect("a.svg"));
+    lab.good(&inspect("a.svg"));
+    lab.put("theirs.svg", "a picture of somebody's");
     lab.put("there.txt", "a file");
-    std::os::unix::fs::symlink(lab.at("there.txt"), lab.at("link.png")).unwrap();
-    for path in ["theirs.png", "link.png", "/dev/null"] {
+    std::os::unix::fs::symlink(lab.at("there.txt"), lab.at("link.svg")).unwrap();
+    for path in ["theirs.svg", "link.svg", "/dev/null"] {
         lab.refused(&inspect(path));
     }
     // Nobody writes to the pipe, so that it cannot be among the files that are compared.
-    assert!(Command::new("mkfifo").arg(lab.at("fifo.png")).status().unwrap().success());
+    assert!(Command::new("mkfifo").arg(lab.at("fifo.svg")).status().unwrap().success());
     for force in [&[][..], &["--force"]] {
-        let output = lab.run(&[&inspect("fifo.png"), force].concat());
+        let output = lab.run(&[&inspect("fifo.svg"), force].concat());
         assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
     }
-    fs::remove_file(lab.at("fifo.png")).unwrap();
-    lab.good(&[&inspect("theirs.png"), &["--force"][..]].concat());
-    assert_eq!(fs::read_to_string(lab.at("theirs.png.previous")).unwrap(), "a picture of somebody's");
+    fs::remove_file(lab.at("fifo.svg")).unwrap();
+    lab.good(&[&inspect("theirs.svg"), &["--force"][..]].concat());
+    assert_eq!(fs::read_to_string(lab.at("theirs.svg.previous")).unwrap(), "a picture of somebody's");
 }
 
 #[test]

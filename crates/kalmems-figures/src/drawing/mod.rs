@@ -11,7 +11,6 @@ mod live;
 mod map;
 mod notes;
 mod pages;
-mod png;
 mod render;
 mod ruler;
 mod samples;

@@ -1,7 +1,6 @@
 //! Pictures of figures.
 
-use super::{draw, png, svg};
-use crate::drawing::error::ReportError;
+use super::{draw, svg};
 use crate::figure::Figure;
 
 impl Figure {
@@ -13,10 +12,5 @@ impl Figure {
     /// The same for a page, whose other parts it leads to.
     pub(crate) fn to_page_svg(&self) -> String {
         svg::write_with_links(&draw::scene(self))
-    }
-
-    /// The same picture as PNG, 1800 pixels wide.
-    pub fn to_png(&self) -> Result<Vec<u8>, ReportError> {
-        png::encode(&draw::scene(self), &self.id)
     }
 }

@@ -10,7 +10,7 @@ use std::io::{self, Write};
 
 /// Writes report, pictures, tables and record of the run into a result.
 ///
-/// `report.html`; `figures/` as SVG and PNG; `tables/<item>.csv` with the paper's values beside ours and
+/// `report.html`; `figures/` as SVG; `tables/<item>.csv` with the paper's values beside ours and
 /// `tables/<item>_<n>.csv` with the others; `reproduction.json`; `run.toml`. Where `stop` says so in between, the work
 /// ends.
 pub fn write_reproduction(
@@ -28,9 +28,7 @@ pub fn write_reproduction(
             output.write(&format!("tables/{key}_{n}.csv"), |w| write_table(table, w))?;
         }
         for figure in &item.figures {
-            figure.files(|name, content| {
-                Ok::<_, ReproduceError>(output.write(name, |w| w.write_all(content))?)
-            })?;
+            figure.files(|name, content| output.write(name, |w| w.write_all(content)))?;
         }
         if stop() {
             return Err(ReproduceError::Interrupted);

@@ -103,7 +103,6 @@ fn what_is_written_is_whole_and_the_same_for_any_number_of_threads() {
     assert!(results[0] == results[1]);
     let names: Vec<&str> = results[0].keys().map(String::as_str).collect();
     let expected = [
-        "figures/squares_line.png",
         "figures/squares_line.svg",
         "manifest.toml",
         "report.html",

@@ -4,7 +4,7 @@
 //!
 //! Seeds are 1, 2, 3, … as often as a table says. Times are measured in the run itself: the ratios differ from
 //! machine to machine, and by some per cent from run to run. Everything else is the same wherever it runs.
-//! A folder as an argument gets the figures as PNG too.
+//! A folder as an argument gets the figures too.
 
 mod chance;
 mod claims;
@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for figure in &figures {
         std::fs::write(folder.join(format!("{}.svg", figure.id)), figure.to_svg())?;
         if let Some(preview) = std::env::args_os().nth(1) {
-            std::fs::write(Path::new(&preview).join(format!("{}.png", figure.id)), figure.to_png()?)?;
+            std::fs::write(Path::new(&preview).join(format!("{}.svg", figure.id)), figure.to_svg())?;
         }
     }
     for (name, table) in tables {

@@ -3,7 +3,7 @@
 //!
 //!     cargo run --release -p kalmems --example lissajous
 //!
-//! A folder as an argument gets the figures as PNG too. It takes about two minutes.
+//! A folder as an argument gets the figures too. It takes about two minutes.
 
 mod figures;
 mod files;
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for figure in &figures {
         std::fs::write(book.join(format!("{}.svg", figure.id)), figure.to_svg())?;
         if let Some(preview) = std::env::args_os().nth(1) {
-            std::fs::write(Path::new(&preview).join(format!("{}.png", figure.id)), figure.to_png()?)?;
+            std::fs::write(Path::new(&preview).join(format!("{}.svg", figure.id)), figure.to_svg())?;
         }
     }
     Ok(())

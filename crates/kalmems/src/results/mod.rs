@@ -22,7 +22,7 @@ pub use diagnosis::diagnosis_page;
 pub use in_memory::{Estimated, number_check, number_check_of};
 pub use kalmems_store::{
     EarlierResult, MANIFEST, Output, OutputError, RUN_FILE, ResultFile, RunInfo, RunTiming, StoredResult,
-    Subject, Work, create_file, way_from, write_file, write_page,
+    Subject, Work, create_file, way_from, write_page, write_picture,
 };
 pub use metrics::{
     DriveMetrics, EstimatorMetrics, FilterSelection, FindingText, Metrics, RecordingMetrics, SegmentMetrics,

@@ -144,7 +144,7 @@ impl StudyPlan {
             })?;
         }
         for figure in &figures {
-            write_figure::<StudyError>(output, figure)?;
+            write_figure(output, figure)?;
         }
         output.write("study.toml", |w| w.write_all(self.source.text.as_bytes()))?;
         output.write("experiment.toml", |w| w.write_all(self.experiment.text.as_bytes()))?;

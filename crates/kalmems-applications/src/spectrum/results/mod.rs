@@ -51,7 +51,7 @@ pub fn write_spectrum(
     let html = spectrum_page(outcome, metrics, &figures)?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in &figures {
-        figure.files(|name, content| Ok::<_, WriteError>(output.write(name, |w| w.write_all(content))?))?;
+        figure.files(|name, content| output.write(name, |w| w.write_all(content)))?;
     }
     if let Some(detector) = &outcome.simulated {
         output.write("interferogram.csv", |w| {

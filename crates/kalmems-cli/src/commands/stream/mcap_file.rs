@@ -175,7 +175,7 @@ fn nanoseconds(time_s: f64, origin_ns: u64) -> Option<u64> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use mcap::read::Summary;
     use mcap::sans_io::decompressor::{DecompressResult, Decompressor};
@@ -206,7 +206,7 @@ mod tests {
     }
 
     /// The messages that an independent reader finds by the index of a file, whose checksums it has compared.
-    fn messages(bytes: &[u8]) -> Vec<(String, u64, Value)> {
+    pub(crate) fn messages(bytes: &[u8]) -> Vec<(String, u64, Value)> {
         let options =
             LinearReaderOptions::default().with_emit_chunks(true).with_validate_summary_section_crc(true);
         let (mut checked, mut rest) = (LinearReader::new_with_options(options), bytes);

@@ -85,6 +85,57 @@ impl Write for TwoWriters {
 mod tests {
     use super::*;
 
+    /// All that happens in 12 ms of the example, in one run: in a file, and as datagrams.
+    #[test]
+    fn two_places_of_one_stream_get_the_same_events() {
+        let folder = tempfile::tempdir().unwrap();
+        let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/shared_scanner");
+        let recording = std::fs::read_to_string(example.join("recording.csv")).unwrap();
+        let samples = folder.path().join("samples.csv");
+        let rows: Vec<&str> = recording.lines().take(12_001).collect();
+        std::fs::write(&samples, rows.join("\n") + "\n").unwrap();
+        let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+        let (address, own) = (socket.local_addr().unwrap(), socket.try_clone().unwrap());
+        let viewer = std::thread::spawn(move || {
+            let (mut datagram, mut events) = (vec![0; 1 << 16], Vec::new());
+            loop {
+                let count = socket.recv(&mut datagram).unwrap();
+                if &datagram[..count] == b"end" {
+                    return events;
+                }
+                let message: serde_json::Value = serde_json::from_slice(&datagram[..count]).unwrap();
+                events.extend(message.get("event").cloned());
+            }
+        });
+        let file = folder.path().join("m.mcap");
+        let arguments = [
+            "kalmems",
+            "stream",
+            example.join("stream.toml").to_str().unwrap(),
+            "--from",
+            samples.to_str().unwrap(),
+            "--to",
+            &format!("mcap://{}", file.display()),
+            "--to",
+            &format!("{UDP}{address}"),
+        ]
+        .map(std::ffi::OsString::from);
+        assert_eq!(crate::run_within(kalmems::rigs::published(), arguments), 0);
+        own.send_to(b"end", address).unwrap();
+        let sent = viewer.join().unwrap();
+        let messages = super::super::mcap_file::tests::messages(&std::fs::read(file).unwrap());
+        let events = messages.into_iter().filter(|(topic, ..)| topic == "/events");
+        let kept: Vec<serde_json::Value> = events.map(|(.., event)| event).collect();
+        // The reader of the file gives messages by their times, and an event that is ahead has a later one than those that follow it.
+        let [kept, sent] = [kept, sent].map(|mut events| {
+            events.sort_by_key(serde_json::Value::to_string);
+            events
+        });
+        let ahead = kept.iter().filter(|event| event["event"] == "zero_phase_ahead").count();
+        assert!(ahead > 50, "{ahead} of {}", kept.len());
+        assert!(kept == sent, "{} in the file, {} were sent", kept.len(), sent.len());
+    }
+
     #[test]
     fn another_address_is_refused_with_what_is_expected() {
         let Err(CommandEnding::Wrong(why)) =

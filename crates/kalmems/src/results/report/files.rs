@@ -91,7 +91,7 @@ pub fn write_estimate(
     let html = page.to_html()?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in figures {
-        write_figure::<ResultWriteError>(output, &figure)?;
+        write_figure(output, &figure)?;
         if stop() {
             return Err(ResultWriteError::Interrupted);
         }

@@ -213,7 +213,7 @@ pub fn write_identification(
     let html = identification_page(found)?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in &found.figures {
-        write_figure::<ResultWriteError>(output, figure)?;
+        write_figure(output, figure)?;
         if stop() {
             return Err(ResultWriteError::Interrupted);
         }

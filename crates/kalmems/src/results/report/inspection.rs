@@ -1,7 +1,7 @@
 //! The picture of an inspection.
 
 use crate::inspect::{self, InspectedChannel, Inspection};
-use crate::results::{OutputError, write_file};
+use crate::results::{OutputError, write_picture};
 use crate::topics::{explained, link};
 use kalmems_figures::{
     Axis, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, ReportError, Series, SeriesRole, Track,
@@ -10,17 +10,6 @@ use std::path::Path;
 
 /// Columns of the picture, each drawn from its smallest to its largest sample.
 const COLUMNS: usize = 800;
-
-/// Why a picture cannot be made.
-#[derive(Debug, thiserror::Error)]
-pub enum DrawError {
-    /// It cannot be drawn.
-    #[error(transparent)]
-    Report(#[from] ReportError),
-    /// It cannot be written.
-    #[error(transparent)]
-    Output(#[from] OutputError),
-}
 
 /// Every channel of the longest segment as a figure, and its last cycles where they could not be told apart.
 pub fn inspection_figure(inspection: &Inspection) -> Figure {
@@ -94,20 +83,20 @@ pub fn inspection_page(inspection: &Inspection) -> Result<String, ReportError> {
     explained(page).to_html()
 }
 
-/// Draws every channel of the longest segment to a PNG file; see [`write_file`].
-pub fn draw_inspection(inspection: &Inspection, path: &Path, force: bool) -> Result<(), DrawError> {
-    write_png(inspection_figure(inspection), path, force)
+/// Draws every channel of the longest segment to an SVG file; see [`write_picture`].
+pub fn draw_inspection(inspection: &Inspection, path: &Path, force: bool) -> Result<(), OutputError> {
+    draw(inspection_figure(inspection), path, force)
 }
 
 /// Writes a figure to a file; its other sheets, where there are several, to files with `_2`, `_3` and so on in their names.
-pub(super) fn write_png(figure: Figure, path: &Path, force: bool) -> Result<(), DrawError> {
+pub(super) fn draw(figure: Figure, path: &Path, force: bool) -> Result<(), OutputError> {
     for (page, number) in figure.pages().into_iter().zip(1..) {
         let mut name = path.file_stem().unwrap_or_default().to_owned();
-        let ending = path.extension().map_or_else(|| "png".into(), std::ffi::OsStr::to_owned);
+        let ending = path.extension().map_or_else(|| "svg".into(), std::ffi::OsStr::to_owned);
         name.push(format!("_{number}."));
         name.push(ending);
         let path = if number == 1 { path.to_owned() } else { path.with_file_name(name) };
-        write_file(&path, &page.to_png()?, force)?;
+        write_picture(&path, &page.to_svg(), force)?;
     }
     Ok(())
 }

@@ -170,7 +170,7 @@ impl<'a> LongEstimate<'a> {
             all.answer.insert(0, course(&self.parts, &prefix));
         }
         for figure in all.pictured() {
-            write_figure::<ResultWriteError>(self.output, figure)?;
+            write_figure(self.output, figure)?;
         }
         self.drawn[part.index].push(all);
         Ok(())

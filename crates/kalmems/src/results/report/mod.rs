@@ -22,7 +22,7 @@ pub use files::{ResultWriteError, WriteOptions, write_estimate};
 #[cfg(feature = "parquet-results")]
 pub(super) use files::{columns, signal_unit};
 pub use identification::{IdentificationSummary, identification_page, write_identification};
-pub use inspection::{DrawError, draw_inspection, inspection_figure, inspection_page};
+pub use inspection::{draw_inspection, inspection_figure, inspection_page};
 pub use long_estimate::LongEstimate;
 pub use outlook::{draw_outlook, outlook_figures, outlook_page, write_outlook};
 pub(super) use page::page;

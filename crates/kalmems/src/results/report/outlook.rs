@@ -1,10 +1,10 @@
 //! The pictures and files of what can be said of a device before a recording.
 
 use super::figure_files::write_figure;
-use super::inspection::write_png;
+use super::inspection::draw;
 use crate::config::Experiment;
 use crate::outlook::{AmplitudeDeviations, AmplitudeResponse, AtFrequency, Outlook, SmallMotionGrowth};
-use crate::results::{DrawError, Output, ResultWriteError, RunInfo, RunTiming};
+use crate::results::{Output, OutputError, ResultWriteError, RunInfo, RunTiming};
 use crate::simulate::{SteadyMotion, SweepPoint};
 use kalmems_figures::{
     Axis, Figure, MapGrid, Page, PagePart, PageSection, Panel, ReportError, Series, SeriesRole,
@@ -180,11 +180,11 @@ fn information_panel(information: &[AmplitudeDeviations]) -> Panel {
         ))
 }
 
-/// Draws all pictures, one below the other, to a PNG file; see [`write_file`](crate::results::write_file).
-pub fn draw_outlook(outlook: &Outlook, path: &Path, force: bool) -> Result<(), DrawError> {
+/// Draws all pictures, one below the other, to an SVG file; see [`write_picture`](crate::results::write_picture).
+pub fn draw_outlook(outlook: &Outlook, path: &Path, force: bool) -> Result<(), OutputError> {
     let panels = outlook_figures(outlook).into_iter().flat_map(|figure| figure.panels);
     let figure = panels.fold(Figure::new("outlook", outlook.experiment.clone(), ""), Figure::with);
-    write_png(figure, path, force)
+    draw(figure, path, force)
 }
 
 /// What can be said of a device before a recording, as a page: its text, which needs nothing else.
@@ -236,7 +236,7 @@ pub fn write_outlook(
     let html = outlook_page(outlook, experiment)?;
     output.write("report.html", |w| w.write_all(html.as_bytes()))?;
     for figure in outlook_figures(outlook) {
-        write_figure::<ResultWriteError>(output, &figure)?;
+        write_figure(output, &figure)?;
     }
     Ok(output.write_run(&input_id, || {
         let experiment = experiment.to_table().map_err(io::Error::other)?;
@@ -250,6 +250,6 @@ struct OutlookRecord {
     experiment: toml::Table,
 }
 
-fn failed(path: &Path, source: io::Error) -> crate::results::OutputError {
-    crate::results::OutputError::Io { path: path.to_owned(), source }
+fn failed(path: &Path, source: io::Error) -> OutputError {
+    OutputError::Io { path: path.to_owned(), source }
 }
