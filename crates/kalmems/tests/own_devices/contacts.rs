@@ -3,6 +3,8 @@
 //! Recordings are simulated here, in a thousand classical Runge–Kutta steps of a sample: one that leads across a force that jumps is off by the jump
 //! times its length, which fifty of a sample make more than a filter claims.
 
+use crate::events::recorded;
+use crate::parts::same_bits_in_parts;
 use kalmems::config::Experiment;
 use kalmems::diagnose::step_cost;
 use kalmems::progress::Silent;
@@ -13,10 +15,36 @@ use kalmems::workflow;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// A contact whose force is linear, with a damping that begins at once.
+/// A contact with a spring and a damping that begins at once.
 #[derive(Clone, Copy)]
 struct Contact {
     damping: f64,
+    spring: ContactSpring,
+}
+
+/// The force of a contact over its depth.
+#[derive(Clone, Copy)]
+enum ContactSpring {
+    /// 8000 N/m.
+    Linear,
+    /// Two spheres after Hertz, 8e7 N/m^1.5: as much at 10 nm.
+    Hertzian,
+}
+
+impl ContactSpring {
+    fn force(self, depth: f64) -> f64 {
+        match self {
+            Self::Linear => 8000.0 * depth,
+            Self::Hertzian => 8e7 * depth * depth.sqrt(),
+        }
+    }
+
+    fn text(self) -> &'static str {
+        match self {
+            Self::Linear => "8000[N/m]*(x - gc)",
+            Self::Hertzian => "8e7[N/m^1.5]*(x - gc)^1.5",
+        }
+    }
 }
 
 const MASS: f64 = 2e-10;
@@ -32,7 +60,7 @@ impl Contact {
     /// The rate of the speed.
     fn rate(self, [x, v]: [f64; 2], volts: f64) -> f64 {
         let depth = x - STOP;
-        let force = if depth > 0.0 { 8000.0 * depth + self.damping * v } else { 0.0 };
+        let force = if depth > 0.0 { self.spring.force(depth) + self.damping * v } else { 0.0 };
         let gap = 2e-6 - x;
         -W / 3.0 * v - W * W * x + EPS_AREA * volts * volts / (2.0 * MASS * gap * gap) - force / MASS
     }
@@ -64,11 +92,11 @@ name = "contact"
 states = {{ x = "m", v = "m/s" }}
 inputs = {{ drive = "V" }}
 interpolation = "hold"
-let = {{ contact = "if(x > gc, kc*(x - gc) + bc*v, 0[N])" }}
+let = {{ contact = "if(x > gc, {} + bc*v, 0[N])" }}
 derivative = {{ x = "v", v = "-w/Q*v - w^2*x + eps*A*drive^2/(2*m*(g - x)^2) - contact/m" }}
 measure = {{ cap = "eps*A/(g - x) in F" }}
 noise = {{ cap = "9e-32[F^2]", v = "1e-3[m^2/s^3]" }}
-parameters = {{ m = "2e-10 kg", w = "251327.412 rad/s", Q = "3", g = "2 um", A = "2e-8 m^2", eps = "8.854e-12 F/m", kc = "8000 N/m", bc = "{:e} N s/m", gc = "1.2 um" }}
+parameters = {{ m = "2e-10 kg", w = "251327.412 rad/s", Q = "3", g = "2 um", A = "2e-8 m^2", eps = "8.854e-12 F/m", bc = "{:e} N s/m", gc = "1.2 um" }}
 [[recording]]
 role = "test"
 file = "recording.csv"
@@ -79,6 +107,7 @@ reference = {{ file = "reference.csv", channels = {{ x = "x_m", v = "v_m_per_s" 
 skip = "20 us"
 check_numbers = false
 "#,
+            self.spring.text(),
             self.damping
         );
         for method in methods {
@@ -151,19 +180,33 @@ fn is_consistent(contact: Contact, methods: &[&str], largest_step_error: f64) {
 
 #[test]
 fn a_contact_whose_force_jumps_is_passed_at_its_own_time() {
-    is_consistent(Contact { damping: 2e-4 }, &["ekf", "ukf"], 0.05);
+    is_consistent(Contact { damping: 2e-4, spring: ContactSpring::Linear }, &["ekf", "ukf"], 0.05);
 }
 
 /// It bounces 33 times each time it is pulled in, for a sample or two each. Behind each bounce place and speed together are known a hundred times better
 /// than the speed alone, and the next bounces turn the one into the other.
 #[test]
 fn a_contact_that_damps_nothing_bounces_as_its_filter_claims() {
-    is_consistent(Contact { damping: 0.0 }, &["ekf"], 0.05);
+    is_consistent(Contact { damping: 0.0, spring: ContactSpring::Linear }, &["ekf"], 0.05);
+}
+
+#[test]
+fn a_contact_of_two_spheres_is_followed_as_its_filter_claims() {
+    is_consistent(Contact { damping: 2e-4, spring: ContactSpring::Hertzian }, &["ekf"], 0.05);
+}
+
+/// Steps through kinks are planned from the state, wherever a part of the recording begins.
+#[test]
+fn a_contact_is_the_same_in_parts() {
+    let (contact, folder) = (Contact { damping: 2e-4, spring: ContactSpring::Linear }, tempfile::tempdir().unwrap());
+    contact.record(folder.path(), 3000, 20);
+    let experiment = contact.experiment(folder.path(), &["ekf"]);
+    same_bits_in_parts(&experiment, &recorded(&experiment), &[137, 2100]);
 }
 
 #[test]
 fn what_steps_through_kinks_cost_is_stated_without_a_number_of_steps() {
-    let (contact, folder) = (Contact { damping: 2e-4 }, tempfile::tempdir().unwrap());
+    let (contact, folder) = (Contact { damping: 2e-4, spring: ContactSpring::Linear }, tempfile::tempdir().unwrap());
     contact.record(folder.path(), 3000, 20);
     let topic = step_cost(published(), &contact.experiment(folder.path(), &["ekf"]), &Silent).unwrap();
     let fact = &topic.facts[0];
@@ -176,7 +219,7 @@ fn what_steps_through_kinks_cost_is_stated_without_a_number_of_steps() {
 #[test]
 fn the_noise_of_a_motion_that_rests_on_a_contact_is_that_of_the_contact() {
     for damping in [0.0, 2e-4] {
-        let contact = Contact { damping };
+        let contact = Contact { damping, spring: ContactSpring::Linear };
         let folder = tempfile::tempdir().unwrap();
         // Where pull and springs are in balance under 22 V.
         let mut depth = 0.0;

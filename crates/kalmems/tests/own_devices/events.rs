@@ -21,7 +21,7 @@ fn example(file: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(file)
 }
 
-fn recorded(experiment: &Experiment) -> SampledRecording {
+pub(super) fn recorded(experiment: &Experiment) -> SampledRecording {
     let rig = published().rig(experiment).unwrap();
     let file = experiment.resolve(&experiment.recording(0).unwrap().file);
     SampledRecording::read(&file, &rig.layout(experiment, 0).unwrap()).unwrap()

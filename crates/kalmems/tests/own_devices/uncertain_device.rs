@@ -1,9 +1,9 @@
 //! What is uncertain of a device: how it is written, in parts and in a stream, and against a filter that is told the truth.
 
+use crate::events::recorded;
 use crate::parts::{goes_on_after_a_kill, same_bits_in_a_stream, same_bits_in_parts};
 use kalmems::config::Experiment;
 use kalmems::progress::Silent;
-use kalmems::recording::SampledRecording;
 use kalmems::results::Metrics;
 use kalmems::rigs::published;
 use kalmems::simulate::{ComputedRecording, described};
@@ -36,12 +36,6 @@ fn scanner_with(stiffness: &str, width: &str, more: &str) -> Result<Experiment, 
     let text = std::fs::read_to_string(&path).unwrap();
     let text = replaced(&text, &[("1.1033e-4 N m", stiffness), ("\"0.2 rad\"", &format!("\"{width}\""))]);
     published().parse(&format!("{text}\n{more}"), &path).map_err(|why| why.to_string())
-}
-
-fn recording(experiment: &Experiment) -> SampledRecording {
-    let rig = published().rig(experiment).unwrap();
-    let file = experiment.resolve(&experiment.recording(0).unwrap().file);
-    SampledRecording::read(&file, &rig.layout(experiment, 0).unwrap()).unwrap()
 }
 
 #[test]
@@ -154,7 +148,7 @@ fn correlations_that_no_errors_have_are_refused() {
 fn an_estimate_with_uncertain_numbers_is_the_same_in_parts_and_in_a_stream() {
     let more = "[device.correlation]\n\"resonator.stiffness\" = { \"comb.angular_width\" = -0.8 }\n";
     let experiment = scanner(more).unwrap();
-    let recording = recording(&experiment);
+    let recording = recorded(&experiment);
     same_bits_in_parts(&experiment, &recording, &[1_000, 9_001]);
 }
 
@@ -165,7 +159,7 @@ const STREAMED: &str = "[stream]\nrate = \"1 MHz\"\n[stream.input.text]\ncolumns
 #[test]
 fn a_stream_considers_what_is_uncertain_and_goes_on_after_a_kill() {
     let experiment = scanner(STREAMED).unwrap();
-    let recording = recording(&experiment);
+    let recording = recorded(&experiment);
     let bytes = std::fs::read(experiment.resolve(&experiment.recording(0).unwrap().file)).unwrap();
     same_bits_in_a_stream(&experiment, &recording, (&bytes, 5_000));
     goes_on_after_a_kill(&experiment, &bytes, 0.6, 0.0);
