@@ -3,7 +3,9 @@
 use crate::errors::{Raise, failed};
 use crate::estimate::{Recordings, ready};
 use crate::watch::done;
-use kalmems::diagnose::{CauseReport, DiagnoseError, DiagnosisEffort, diagnose_with, identify as identified, pasted};
+use kalmems::diagnose::{
+    CauseReport, DiagnoseError, DiagnosisEffort, diagnose_with, identify as identified, pasted,
+};
 use kalmems::results::IdentificationSummary;
 use pyo3::prelude::*;
 use std::path::PathBuf;
