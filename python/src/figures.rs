@@ -1,6 +1,5 @@
 //! Figures as files, and as data for a program that draws them itself.
 
-use crate::errors::failed;
 use kalmems::figures::{Axis, AxisScale, Figure, MapGrid, Panel, Series, SeriesStyle, Shape};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
