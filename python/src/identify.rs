@@ -35,6 +35,9 @@ pub fn identify(
     Ok((json, summary.to_text(), experiment))
 }
 
+/// As JSON and as text, the corrected experiment where one cause is chosen, and that by each cause.
+type FoundCauses = (String, String, Option<String>, Vec<Option<String>>);
+
 /// Finds what of an experiment is wrong: what was found as JSON, as text, the experiment with the cause corrected where there is one to choose, and with
 /// each of the causes that it can state.
 #[pyfunction]
@@ -49,7 +52,7 @@ pub fn diagnose(
     filter: Option<String>,
     thorough: bool,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(String, String, Option<String>, Vec<Option<String>>)> {
+) -> PyResult<FoundCauses> {
     let found = done(py, progress, move |watch| {
         let ready = ready(&text, &path, (&recordings, &Vec::new()), has_lines, watch)?;
         let effort = if thorough { DiagnosisEffort::Thorough } else { DiagnosisEffort::Usual };
