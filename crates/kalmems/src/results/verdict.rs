@@ -162,7 +162,7 @@ impl EstimatorMetrics {
         let angles = self.errors.iter().flat_map(MotionErrors::each).map(|e| (e.of, e.angle.claim));
         let values = self.values.iter().map(|(name, errors)| (*name, errors.claim));
         let claims = angles.chain(values).filter_map(|(name, claim)| Some((name, claim?)));
-        claims.filter(|(_, claim)| claim.is_contradicted())
+        claims.filter(|(_, claim)| claim.is_contradicted() || claim.is_doubtful())
     }
 
     /// What the uncertain numbers of the device have in its claims, by the first state.
