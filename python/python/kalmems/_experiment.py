@@ -157,12 +157,14 @@ class Experiment:
     ) -> Diagnosis:
         """Finds what of the experiment is wrong by the innovations of a filter, that of this name or the first that can tell it; recordings as
         in `estimate`. It ends after the work of about twenty estimates and says what it leaves out, which it tries where it is `thorough`."""
-        found, text, *corrected = _kalmems.diagnose(
+        found, text, chosen, each = _kalmems.diagnose(
             self._text, self._path, self._has_lines, _by_name(recordings), filter, thorough, progress
         )
-        chosen, each = corrected
-        of = lambda text: None if text is None else Experiment._of(text, self._path, False)  # noqa: E731
-        return Diagnosis(json.loads(found), text, of(chosen), [of(text) for text in each])
+
+        def corrected(text: str | None) -> Experiment | None:
+            return None if text is None else Experiment._of(text, self._path, False)
+
+        return Diagnosis(json.loads(found), text, corrected(chosen), [corrected(text) for text in each])
 
     def simulate(self, *, seed: int | None = None, progress: Progress = None) -> Simulation:
         """Computes the recording that the table `simulate` describes, with another seed of its noise where one is given."""
