@@ -26,10 +26,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::write(folder.join("integrator_growth.svg"), figure.to_svg())?;
     std::fs::write(folder.join("integrator_growth.md"), table)?;
 
-    for (file, figures) in [
-        ("experiment", &["motion", "angle_error"][..]),
-        ("stiffness_state", &["phase_error"]),
-    ] {
+    for (file, figures) in
+        [("experiment", &["motion", "angle_error"][..]), ("stiffness_state", &["phase_error"])]
+    {
         let experiment = published().load(&root.join(format!("examples/shared_scanner/{file}.toml")))?;
         let outcome = workflow::estimate(published(), &experiment, &Silent)?;
         let metrics = Metrics::of(&outcome);
