@@ -190,7 +190,7 @@ fn a_contact_that_damps_nothing_bounces_as_its_filter_claims() {
     is_consistent(Contact { damping: 0.0, spring: ContactSpring::Linear }, &["ekf"], 0.05);
 }
 
-/// Its force has no slope at first and an endless curvature: some samples need more than 64 steps, and the watch says so.
+/// Its force has no slope at first and an infinite curvature: some samples need more than 64 steps, and the watch says so.
 #[test]
 fn a_contact_of_two_spheres_is_followed_as_its_filter_claims() {
     is_consistent(Contact { damping: 2e-4, spring: ContactSpring::Hertzian }, &["ekf"], 0.2);
