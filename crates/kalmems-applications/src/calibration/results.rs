@@ -864,9 +864,9 @@ pub fn write_refused_calibration(
 }
 
 fn write_figures(figures: &[Figure], output: &Output) -> Result<(), OutputError> {
-    figures.iter().try_for_each(|figure| {
-        figure.files(|name, content| output.write(name, |w| w.write_all(content)))
-    })
+    figures
+        .iter()
+        .try_for_each(|figure| figure.files(|name, content| output.write(name, |w| w.write_all(content))))
 }
 
 fn entries(found: &Calibration, w: &mut dyn Write) -> io::Result<()> {
