@@ -14,11 +14,11 @@ pub enum CalibrationError {
         "{place}: {stated} attitudes are stated, of directions that are not 0, and {found} positions at rest were found: state one for each, in their order"
     )]
     Attitudes {
-        /// The record.
+        /// The file of the record, for messages.
         place: String,
-        /// Attitudes in the file.
+        /// The number of attitudes in the calibration file.
         stated: usize,
-        /// Positions in the record.
+        /// The number of positions that the record has.
         found: usize,
     },
     /// The calibration file is wrong.

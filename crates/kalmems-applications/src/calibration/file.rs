@@ -104,11 +104,11 @@ pub struct CertificateDetails {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"2026-11-26")]
     pub issued: Option<String>,
-    /// The results before any adjustment: these ones, or where they are.
+    /// The results before any adjustment: these ones, or the certificate that has them.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"these results")]
     pub as_found: Option<String>,
-    /// The results after the adjustment: these ones, or where they are; or that the item was not adjusted.
+    /// The results after the adjustment: these ones, or the certificate that has them; or that the item was not adjusted.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"not adjusted")]
     pub as_left: Option<String>,
@@ -349,8 +349,8 @@ pub struct PositionsRecord {
     /// How long a position lasts at least; `"1 s"` if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shortest: Option<Quantity<Time, Positive>>,
-    /// Where a fixture sets the attitudes: the direction of the specific force (upwards) along the axes of the unit in each position, of any length. The
-    /// terms of second and third order of the accelerometers are determined then.
+    /// The direction of the specific force (upwards) along the axes of the unit in each position, of any length, as a fixture sets it. The attitudes
+    /// determine the terms of second and third order of the accelerometers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub attitudes: Vec<[f64; 3]>,
 }

@@ -12,7 +12,7 @@ pub(super) const PAIRS: [&str; 3] = ["xy", "xz", "yz"];
 /// A number as a linear function of errors that are independent of one another but for the covariances of each fit.
 struct LinearNumber {
     name: String,
-    /// By the accelerometers' parameters, and by the gyroscopes' as far as the motions tell them.
+    /// The derivatives by the accelerometers' parameters, and by the gyroscopes' parameters as far as the motions determine them.
     by_forces: [f64; 9],
     by_motions: [f64; 9],
     /// The axis of a gyroscope and the parameter of the fit of its means at rest.
