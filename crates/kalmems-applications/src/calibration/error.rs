@@ -9,6 +9,18 @@ use crate::recording::ReadError;
 /// Why there is no calibration.
 #[derive(Debug, thiserror::Error)]
 pub enum CalibrationError {
+    /// The stated attitudes are not those of the positions that were found.
+    #[error(
+        "{place}: {stated} attitudes are stated, of directions that are not 0, and {found} positions at rest were found: state one for each, in their order"
+    )]
+    Attitudes {
+        /// The file of the record, for messages.
+        place: String,
+        /// The number of attitudes in the calibration file.
+        stated: usize,
+        /// The number of positions that the record has.
+        found: usize,
+    },
     /// The calibration file is wrong.
     #[error(transparent)]
     Config(#[from] ConfigError),

@@ -104,10 +104,14 @@ pub struct CertificateDetails {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(example = &"2026-11-26")]
     pub issued: Option<String>,
-    /// Whether the results are as found or as left after an adjustment, and where the other ones are.
+    /// The results before any adjustment: these ones, or the certificate that has them.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(example = &"as found; not adjusted")]
-    pub state: Option<String>,
+    #[schemars(example = &"these results")]
+    pub as_found: Option<String>,
+    /// The results after the adjustment: these ones, or the certificate that has them; or that the item was not adjusted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(example = &"not adjusted")]
+    pub as_left: Option<String>,
     /// Conditions that no record tells: pressure, humidity, supply, settling time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub conditions: Option<String>,
@@ -126,7 +130,7 @@ impl CertificateDetails {
     }
 
     /// Each key with what is stated.
-    pub fn entries(&self) -> [(&'static str, Option<&str>); 11] {
+    pub fn entries(&self) -> [(&'static str, Option<&str>); 12] {
         [
             ("number", self.number.as_deref()),
             ("item", self.item.as_deref()),
@@ -136,7 +140,8 @@ impl CertificateDetails {
             ("received", self.received.as_deref()),
             ("date", self.date.as_deref()),
             ("issued", self.issued.as_deref()),
-            ("state", self.state.as_deref()),
+            ("as_found", self.as_found.as_deref()),
+            ("as_left", self.as_left.as_deref()),
             ("conditions", self.conditions.as_deref()),
             ("traceability", self.traceability.as_deref()),
         ]
@@ -344,6 +349,10 @@ pub struct PositionsRecord {
     /// How long a position lasts at least; `"1 s"` if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shortest: Option<Quantity<Time, Positive>>,
+    /// The direction of the specific force (upwards) along the axes of the unit in each position, of any length, as a fixture sets it. The attitudes
+    /// determine the terms of second and third order of the accelerometers.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub attitudes: Vec<[f64; 3]>,
 }
 
 /// A record on a rate table that turns about one axis of the unit at one constant rate after the other. The columns are those of the unit's gyroscopes

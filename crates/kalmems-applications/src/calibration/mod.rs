@@ -30,6 +30,7 @@ mod one_factor;
 mod outcome;
 mod peaks;
 mod positions;
+mod positions_covariance;
 mod positions_record;
 mod quantities;
 mod rates_record;
@@ -48,6 +49,7 @@ mod sweep;
 mod temperature_curve;
 mod temperature_record;
 mod tone;
+mod tumble;
 mod turns_record;
 mod unit_record;
 
@@ -71,7 +73,7 @@ pub use outcome::{
     ScaleFactorChange, UncertainEstimate, UncertaintyContribution,
 };
 pub use peaks::{HALF_WINDOW, PeakToPeak};
-pub use quantities::{CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome};
+pub use quantities::{CalibratedQuantity, CertificateCheck, QuantityCovariance, QuantityUnit, RecordOutcome};
 pub use rest::{AxisAtRest, BiasMethod, InertialSensor, NoiseTerm};
 pub use rest_samples::RestSamples;
 #[cfg(feature = "report")]

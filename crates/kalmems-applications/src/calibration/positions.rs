@@ -243,6 +243,8 @@ pub(super) struct GyroscopeFit {
     pub fit: Fit<9>,
     /// The covariance of the parameters by the errors of the accelerometers' parameters.
     pub by_accelerometers: Covariance<f64, 9>,
+    /// The change of the parameters by that of the accelerometers' parameters.
+    pub response: Mat<f64, 9, 9>,
 }
 
 impl GyroscopeFit {
@@ -314,7 +316,7 @@ pub(super) fn fit_gyroscopes(
         }
     }
     let by_accelerometers = accelerometers.covariance.transformed(&moved);
-    Ok(GyroscopeFit { fit: found, by_accelerometers })
+    Ok(GyroscopeFit { fit: found, by_accelerometers, response: moved })
 }
 
 /// The 48 matrices with one entry of ±1 in each row and column.

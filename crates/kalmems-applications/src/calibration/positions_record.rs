@@ -7,10 +7,12 @@ use super::positions::{
     alignment_numbers, fit_accelerometers, fit_gyroscopes, force, force_sensitivity, gravity_residuals,
     gyroscope_matrix, next_position, positions_standing_out,
 };
+use super::positions_covariance::{PAIRS, covariance_of_positions};
 use super::quantities::{
     EARTH_RATE, QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter, contribution, stated_contribution,
 };
 use super::tone::AXES;
+use super::tumble::tumble;
 use super::unit_record::UnitSamples;
 use crate::calibration::file::PositionsRecord;
 use crate::config::{Key, Quantity};
@@ -24,8 +26,6 @@ use std::ops::Range;
 const SHORTEST_S: f64 = 1.0;
 /// A scale factor along the own axis below this part of the matrix's row is that of an axis that is exchanged or turned round.
 const OWN_AXIS: f64 = 0.5;
-/// The pairs of axes of the three angles between them.
-const PAIRS: [&str; 3] = ["xy", "xz", "yz"];
 
 /// The still parts of a record with their means.
 struct FoundPositions {
@@ -70,19 +70,27 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
         outcome.not_stated.push("positions.gravity_uncertainty".to_owned());
     }
     of_accelerometers(&mut outcome, record, &found.positions, &accelerometers);
+    if !record.attitudes.is_empty() {
+        tumble(&mut outcome, &samples.place, &found.positions, &record.attitudes, gravity)?;
+    }
     judge_accelerometers(&mut outcome, &samples, &found, &accelerometers, gravity);
+    let mut rests = None;
     if let Some(gyroscopes) = &gyroscopes {
         of_gyroscopes(&mut outcome, gyroscopes, accelerometers.degrees_of_freedom);
         let earth = record.latitude.as_ref().map(|latitude| EARTH_RATE * latitude.si().portable_sin());
         let each =
             force_sensitivity(&found.positions, &accelerometers, earth.unwrap_or(0.0)).map_err(failed)?;
         of_rest_means(&mut outcome, &each, earth.is_some());
+        rests = Some(each);
     } else if has_gyroscopes {
         outcome.not_observed.push(format!(
             "the gyroscopes: there are {} motions between two positions without a gap, and their nine numbers take {FEWEST_MOTIONS}",
             found.motions.len()
         ));
     }
+    let covariance =
+        covariance_of_positions(&outcome.quantities, &accelerometers, gyroscopes.as_ref(), rests.as_ref());
+    outcome.covariance = Some(covariance);
     outcome.not_observed.push(
         "the orientation of the accelerometers in their case, which takes surfaces of the case as a reference; all angles are from the first \
          accelerometer's axis and the plane of the first two"

@@ -82,6 +82,15 @@ pub struct CertificateCheck {
     pub found: String,
 }
 
+/// The covariance matrix of numbers of a record.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct QuantityCovariance {
+    /// The names of the numbers, in the order of the rows and columns.
+    pub parameters: Vec<String>,
+    /// The matrix row by row; an entry has the unit of its row times that of its column.
+    pub matrix: Vec<Vec<f64>>,
+}
+
 /// A record of a unit with what was found in it.
 #[derive(Clone, Debug, Serialize)]
 pub struct RecordOutcome {
@@ -95,6 +104,9 @@ pub struct RecordOutcome {
     pub method: String,
     /// The numbers.
     pub quantities: Vec<CalibratedQuantity>,
+    /// The covariances of numbers that have inputs in common.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<QuantityCovariance>,
     /// Curves over the temperature.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub compensation: Vec<TemperatureCurve>,
@@ -131,6 +143,7 @@ impl RecordOutcome {
             title: title.into(),
             method: method.into(),
             quantities: Vec::new(),
+            covariance: None,
             compensation: Vec::new(),
             tables: Vec::new(),
             figures: Vec::new(),

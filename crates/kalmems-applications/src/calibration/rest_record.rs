@@ -251,14 +251,8 @@ impl<'a> RestReading<'a> {
 impl RestReading<'_> {
     /// What each piece of the channels is taken for. Of long records the pieces are all that is kept of the samples.
     fn figure(&self, rest: &RestRecord) -> Figure {
-        let figure = Figure::new(
-            "rest",
-            format!("At rest: {}", rest.file.display()),
-            "The mean of each piece of the record with its standard deviation to either side, before anything is computed from them. A piece counts as moving if \
-             its variance exceeds the median of all by more than noise explains, and is not judged if it has a gap or fewer samples than the others. Several \
-             records follow one another.",
-        );
-        self.channels.iter().fold(figure, |figure, channel| figure.with(panel_of_pieces(channel)))
+        let channels = self.channels.iter().map(|channel| (channel.sensor, channel.axis, &channel.samples));
+        figure_of_pieces("rest", format!("At rest: {}", rest.file.display()), channels)
     }
 
     /// The places of the next rows in their record, in samples.
@@ -273,15 +267,33 @@ impl RestReading<'_> {
     }
 }
 
-fn panel_of_pieces(channel: &RestChannel) -> Panel {
-    let (factor, unit) = match channel.sensor {
+/// The pieces of channels at rest that are taken for still and for moving.
+pub(super) fn figure_of_pieces<'a>(
+    id: &str,
+    title: String,
+    channels: impl Iterator<Item = (InertialSensor, &'static str, &'a RestSamples)>,
+) -> Figure {
+    let figure = Figure::new(
+        id,
+        title,
+        "The mean of each piece of the record with its standard deviation to either side, before anything is computed from them. A piece counts as moving if \
+         its variance exceeds the median of all by more than noise explains, and is not judged if it has a gap or fewer samples than the others. Several \
+         records follow one another.",
+    );
+    channels.fold(figure, |figure, (sensor, axis, samples)| {
+        figure.with(panel_of_pieces(&sensor.axis(axis), sensor, samples))
+    })
+}
+
+fn panel_of_pieces(name: &str, sensor: InertialSensor, samples: &RestSamples) -> Panel {
+    let (factor, unit) = match sensor {
         InertialSensor::Gyroscope => (1.0_f64.to_degrees(), "deg/s"),
         InertialSensor::Accelerometer => (1.0, "m/s^2"),
     };
     let (mut band, mut moving, mut not_judged) = (Vec::new(), Vec::new(), Vec::new());
     // Each record has times of its own.
     let (mut shift, mut last) = (0.0, f64::NEG_INFINITY);
-    for (piece, state) in RestPieces::of(&channel.samples).each {
+    for (piece, state) in RestPieces::of(samples).each {
         let [from, to] = piece.time_s;
         if from + shift < last {
             shift = last - from;
@@ -297,7 +309,6 @@ fn panel_of_pieces(channel: &RestChannel) -> Panel {
     }
     let low = band.iter().map(|(_, low, _)| *low).fold(f64::INFINITY, f64::min);
     let high = band.iter().map(|(_, _, high)| *high).fold(f64::NEG_INFINITY, f64::max);
-    let name = channel.sensor.axis(channel.axis);
     let panel = Panel::new(Axis::new("time", "s"), Axis::new(format!("output of {name}"), unit))
         .with(Series::band("mean ± standard deviation", SeriesRole::Measured, band));
     let marked = [("moving", SeriesRole::Failure, moving), ("not judged", SeriesRole::Bound, not_judged)];
@@ -370,7 +381,8 @@ impl MeasuredRest {
     }
 }
 
-fn describe(motion: &RestMotion, interval_s: f64, unit: &str) -> String {
+/// A motion of a record at rest in words.
+pub(super) fn describe(motion: &RestMotion, interval_s: f64, unit: &str) -> String {
     match motion {
         RestMotion::Passing { time_s: [first, last], times } => format!(
             "between {first:.6} s and {last:.6} s it moves: the standard deviation there is up to {times:.1} times the usual (noise alone \

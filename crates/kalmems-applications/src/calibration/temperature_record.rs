@@ -3,8 +3,12 @@
 use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::inputs::PROBABILITY;
+use super::motion::{RestMotion, RestPieces};
 use super::quantities::{CalibratedQuantity, QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter};
 use super::rest::InertialSensor;
+use super::rest_record::{describe, figure_of_pieces};
+use super::rest_samples::RestSamples;
+use super::rest_spectrum::RestSpectrum;
 use super::temperature_curve::{AtTemperature, CurveBasis, FittedCurve};
 use super::tone::AXES;
 use super::unit_record::UnitSamples;
@@ -46,6 +50,7 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
     let samples = record.of_unit(&file.gyroscope).read(files, Key::from("temperature").child("file"))?;
     let mut outcome = RecordOutcome::new("temperature", "Temperature", METHOD);
     outcome.warnings.clone_from(&samples.remarks);
+    look_for_motion(&mut outcome, files, &samples);
     let choice = record.curve();
     let (low, high) = samples
         .further()
@@ -76,6 +81,43 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
         );
     }
     Ok(Some(outcome))
+}
+
+/// The still and the moving parts of each channel in a figure, and whether there are any of the latter.
+fn look_for_motion(outcome: &mut RecordOutcome, files: &mut InputFiles, samples: &UnitSamples) {
+    let mut channels: Vec<(InertialSensor, &'static str, RestSamples)> = Vec::new();
+    for (sensor, all) in
+        [(InertialSensor::Gyroscope, samples.rates()), (InertialSensor::Accelerometer, samples.forces())]
+    {
+        for (axis, values) in AXES.into_iter().zip(all) {
+            let Some(values) = values else { continue };
+            let mut found = RestSamples::default();
+            for rows in &samples.time.rows {
+                found.take(values.get(rows.clone()).unwrap_or_default(), |row| {
+                    samples.time_s(rows.start + row)
+                });
+                found.end_record();
+            }
+            channels.push((sensor, axis, found));
+        }
+    }
+    let each = channels.iter().map(|(sensor, axis, found)| (*sensor, *axis, found));
+    let figure = figure_of_pieces("temperature-parts", format!("At rest: {}", samples.place), each);
+    files.parts.push(figure.clone());
+    outcome.figures.push(figure);
+    let motions = channels.iter().flat_map(|(sensor, axis, found)| {
+        let motions = RestPieces::of(found).motions(RestSpectrum::of(found.longest()).as_ref());
+        let words = move |motion: &RestMotion| describe(motion, samples.time.interval_s, sensor.unit());
+        motions.iter().map(|motion| format!("{}: {}", sensor.axis(axis), words(motion))).collect::<Vec<_>>()
+    });
+    let motions: Vec<String> = motions.collect();
+    let found = if motions.is_empty() {
+        "no motion and no line of the spectrum".to_owned()
+    } else {
+        motions.join(" ")
+    };
+    outcome.check("temperature: the unit is still during the cycle", motions.is_empty(), found);
+    outcome.warnings.extend(motions);
 }
 
 const METHOD: &str = "Temperature: means of equal parts of a record at rest are fitted by a polynomial of the temperature or a natural cubic spline, apart for rising and for \

@@ -13,7 +13,7 @@ use std::fs;
 const FILE: &str = "name = \"rest\"\n[gyroscope]\nrate = \"10 Hz\"\nchannels = { z = \"gz_rad_per_s\" }\n[rest]\nfile = \"rest.csv\"\n";
 
 const STATED: &str = "[certificate]\nnumber = \"17\"\nitem = \"gyroscope 4711\"\ncustomer = \"a customer\"\nlaboratory = \"a bench\"\n\
-    operator = \"somebody\"\nreceived = \"2026-11-20\"\ndate = \"2026-11-25\"\nissued = \"2026-11-26\"\nstate = \"as found; not adjusted\"\n\
+    operator = \"somebody\"\nreceived = \"2026-11-20\"\ndate = \"2026-11-25\"\nissued = \"2026-11-26\"\nas_found = \"these results\"\nas_left = \"not adjusted\"\n\
     conditions = \"23 °C\"\ntraceability = \"frequency standard 3\"\n";
 
 /// White noise, with a slow oscillation of this amplitude.
@@ -81,7 +81,10 @@ fn a_certificate_has_the_words_of_its_standard_and_a_coverage_factor_of_choice()
     for part in [
         "Date of receipt",
         "Date of issue",
-        "as found; not adjusted",
+        "As found: results before any adjustment",
+        "these results",
+        "As left: results after the adjustment",
+        "not adjusted",
         "The results relate only to the item that was calibrated",
         "Authorised by",
         "Metrological traceability",

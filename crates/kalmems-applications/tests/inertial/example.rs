@@ -25,6 +25,29 @@ fn calibrated(name: &str) -> Calibration {
     calibrate(&file, &Silent).unwrap()
 }
 
+/// A rectangular lever arm is the largest input of the shipped example: the trials' interval is stated, and the check of the trials passes.
+#[test]
+fn the_example_of_a_gyroscope_states_the_interval_of_the_trials() {
+    let file = GyroscopeCalibration::load(&folder("../../examples/gyroscope/calibration.toml")).unwrap();
+    let found = calibrate(&file, &Silent).unwrap();
+    let result = &found.results[0];
+    let check = result.cross_check.as_ref().unwrap();
+    assert!(
+        !check.scale_factor.agrees
+            && check.disagreements.iter().any(|why| why.contains("`lever arm` is rectangular"))
+    );
+    assert_eq!(result.scale_factor.interval, check.scale_factor.propagated.interval);
+    let certificate = serde_json::to_value(Certificate::of(&found)).unwrap();
+    let stated = &certificate["results"][0]["scale_factor"];
+    let [low, high] = check.scale_factor.propagated.interval;
+    let half = stated["expanded_uncertainty"].as_f64().unwrap();
+    assert!((half / (0.5 * (high - low)) - 1.0).abs() < 1e-9, "{stated}");
+    let checks = certificate["validity"].as_array().unwrap();
+    let of_trials = checks.iter().find(|own| own["what"].as_str().unwrap().contains("trials")).unwrap();
+    assert_eq!(of_trials["passes"], true, "{of_trials}");
+    assert!(of_trials["found"].as_str().unwrap().contains("the trials' interval is stated"), "{of_trials}");
+}
+
 fn numbers(of: &Value) -> Vec<(String, f64)> {
     of.as_object().unwrap().iter().map(|(name, value)| (name.clone(), value.as_f64().unwrap())).collect()
 }

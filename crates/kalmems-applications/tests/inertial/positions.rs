@@ -1,6 +1,6 @@
 //! Multi-position calibration without a table.
 
-use super::simulated::{GRAVITY, TURNS, Turns, UNIT, Unit, Vector, dot, frame, scales_and_angles};
+use super::simulated::{GRAVITY, Noise, TURNS, Turns, UNIT, Unit, Vector, dot, frame, scales_and_angles};
 use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::{
     Calibration, CalibrationError, CalibrationSummary, Certificate, GyroscopeCalibration, RecordOutcome,
@@ -93,6 +93,56 @@ fn slow_intervals_by_positions_hold_95_of_100() {
     let all: usize = held.values().sum();
     let part = all as f64 / (200.0 * held.len() as f64);
     assert!((0.94..0.97).contains(&part), "{part}");
+}
+
+/// The diagonal of the covariance matrix is that of the standard uncertainties, and the errors of many records have its covariances.
+#[test]
+fn the_covariance_matrix_is_that_of_the_errors() {
+    let stated = format!("{FILE}gravity_uncertainty = \"0.00980665 m/s^2\"\n");
+    let found = calibrated(&UNIT, &TURNS, 3, &stated).unwrap();
+    let (quantities, matrix) = (&record(&found).quantities, record(&found).covariance.as_ref().unwrap());
+    let names: Vec<&String> = quantities.iter().map(|quantity| &quantity.name).collect();
+    assert_eq!(matrix.parameters.iter().collect::<Vec<_>>(), names);
+    for (i, quantity) in quantities.iter().enumerate() {
+        let own = matrix.matrix[i][i].sqrt();
+        assert!((own / quantity.estimate.uncertainty - 1.0).abs() < 1e-9, "{}: {own}", quantity.name);
+        for j in 0..i {
+            let (entry, other) = (matrix.matrix[i][j], matrix.matrix[j][i]);
+            let most = (matrix.matrix[i][i] * matrix.matrix[j][j]).sqrt();
+            assert!((entry - other).abs() < 1e-9 * most && entry.abs() < 1.001 * most);
+        }
+    }
+    // Sums and differences of two errors by their standard uncertainties: the mean square of 60 of Student's t with 15 or more degrees of freedom is
+    // 1.15 with a standard deviation of 0.25 at most. With the correlations left out it would be near 0 or 2 for numbers that hang together.
+    const RECORDS: u64 = 60;
+    let text = format!("{FILE}latitude = \"{} rad\"\n", TURNS.latitude);
+    let truth = truth(&UNIT, &TURNS, true);
+    let count = quantities.len();
+    let mut squares = vec![vec![0.0; count]; count];
+    let mut strong = 0;
+    for seed in 600..600 + RECORDS {
+        let found = calibrated(&UNIT, &TURNS, seed, &text).unwrap();
+        let (own, matrix) = (record(&found), &record(&found).covariance.as_ref().unwrap().matrix);
+        let errors: Vec<f64> =
+            own.quantities.iter().map(|own| own.estimate.value - truth[&own.name]).collect();
+        let unit: Vec<f64> = (0..count).map(|i| matrix[i][i].sqrt()).collect();
+        for i in 0..count {
+            for j in (0..count).filter(|j| *j != i) {
+                let sign = if i < j { 1.0 } else { -1.0 };
+                let sum = errors[i] / unit[i] + sign * errors[j] / unit[j];
+                let correlation = matrix[i][j] / (unit[i] * unit[j]);
+                squares[i][j] += sum * sum / (2.0 + 2.0 * sign * correlation) / RECORDS as f64;
+                strong += usize::from(seed == 600 && i < j && correlation.abs() > 0.5);
+            }
+        }
+    }
+    let each = || (0..count).flat_map(|i| (0..count).filter(move |j| *j != i).map(move |j| (i, j)));
+    let outside: Vec<(&str, &str, f64)> = each()
+        .map(|(i, j)| (names[i].as_str(), names[j].as_str(), squares[i][j]))
+        .filter(|(.., square)| !(0.3..2.6).contains(square))
+        .collect();
+    // Some pairs hang together, or the matrix would not be tested beside its diagonal.
+    assert!(strong > 0 && outside.is_empty(), "{strong} {outside:?}");
 }
 
 fn record(found: &Calibration) -> &RecordOutcome {
@@ -210,4 +260,83 @@ fn what_the_positions_do_not_determine_is_named_with_the_position_to_add() {
     assert!(said.contains("positions calibrate three accelerometers"), "{said}");
     let said = refused(&FILE.replace(", z = \"gz_rad_per_s\"", ""));
     assert!(said.contains("three gyroscopes or none"), "{said}");
+}
+
+/// A bias, a scale factor and terms of second and third order of each accelerometer, in m/s².
+const TUMBLED: [[f64; 4]; 3] =
+    [[0.02, 1.01, 4e-6, -6e-7], [-0.03, 0.99, -5e-6, 8e-7], [0.01, 1.005, 7e-6, 9e-7]];
+
+/// Rests of 2 s at these attitudes, with a shake between them.
+fn tumbled(attitudes: &[Vector], seed: u64) -> Calibration {
+    let folder = tempfile::tempdir().unwrap();
+    let mut noise = Noise::new(seed);
+    let mut text = "ax_m_per_s2,ay_m_per_s2,az_m_per_s2\n".to_owned();
+    for attitude in attitudes {
+        for sample in 0..250 {
+            let shake = if sample < 200 { 0.0 } else { 2.0 * (0.7 * f64::from(sample)).sin() };
+            let shown = attitude.iter().zip(TUMBLED).map(|(part, [bias, scale, square, cube])| {
+                let force = GRAVITY * part + shake;
+                let shown = bias + scale * force + square * force.powi(2) + cube * force.powi(3);
+                format!("{:.7}", shown + 1e-3 * noise.normal())
+            });
+            text += &(shown.collect::<Vec<_>>().join(",") + "\n");
+        }
+    }
+    std::fs::write(folder.path().join("positions.csv"), text).unwrap();
+    let listed: Vec<String> = attitudes.iter().map(|[x, y, z]| format!("[{x:?}, {y:?}, {z:?}]")).collect();
+    let text = format!(
+        "name = \"unit\"\n[gyroscope]\nrate = \"100 Hz\"\naccelerometers = {{ x = \"ax_m_per_s2\", y = \"ay_m_per_s2\", z = \"az_m_per_s2\" }}\n\
+         [positions]\nfile = \"positions.csv\"\ngravity = \"{GRAVITY} m/s^2\"\nattitudes = [{}]\n",
+        listed.join(", ")
+    );
+    calibrate(&GyroscopeCalibration::parse(&text, &folder.path().join("unit.toml")).unwrap(), &Silent)
+        .unwrap()
+}
+
+/// Directions in steps of 45°, 22.5° apart, in the three planes of two axes.
+fn circles() -> Vec<Vector> {
+    let on = |k: usize| (std::f64::consts::TAU * (k as f64 + 0.5) / 8.0).sin_cos();
+    let each = |k: usize| {
+        let (s, c) = on(k);
+        [[s, c, 0.0], [0.0, s, c], [c, 0.0, s]]
+    };
+    (0..8)
+        .flat_map(each)
+        .chain([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
+        .collect()
+}
+
+/// IEEE Std 1293: the terms of second and third order from stated attitudes; 60 intervals of 95 %, of which 51 or fewer hold once in 700 times.
+#[test]
+fn known_attitudes_give_the_terms_of_second_and_third_order() {
+    let (attitudes, mut held) = (circles(), 0);
+    for seed in 0..10 {
+        let found = tumbled(&attitudes, 900 + seed);
+        for (axis, [_, scale, square, cube]) in ["x", "y", "z"].into_iter().zip(TUMBLED) {
+            for (name, value) in [("second", square), ("third", cube)] {
+                let of = record(&found).estimate(&format!("accelerometer_{name}_order_{axis}")).unwrap();
+                held += usize::from((of.interval[0]..of.interval[1]).contains(&(value / scale)));
+                assert!(of.expanded() < 0.5 * value.abs(), "{name} {axis}: {of:?}");
+            }
+        }
+    }
+    assert!(held > 51, "{held}");
+}
+
+/// An axis that is only level or 45° to either side has no term of third order: it is named, those of the other axes stay.
+#[test]
+fn attitudes_that_do_not_determine_a_term_are_named() {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let each = |k: u32| {
+        let (s, c) = (std::f64::consts::TAU * (f64::from(k) + 0.5) / 9.0).sin_cos();
+        [[0.0, s, c], [half, half * s, half * c], [-half, half * s, half * c]]
+    };
+    let attitudes: Vec<Vector> = (0..9).flat_map(each).collect();
+    let found = tumbled(&attitudes, 5);
+    let record = record(&found);
+    assert!(record.estimate("accelerometer_third_order_x").is_none());
+    assert!(record.estimate("accelerometer_second_order_x").is_some());
+    assert!(record.estimate("accelerometer_third_order_z").is_some());
+    let missing = |part: &str| record.not_observed.iter().any(|why| why.contains(part));
+    assert!(missing("the term of third order of the accelerometer x"), "{:?}", record.not_observed);
 }

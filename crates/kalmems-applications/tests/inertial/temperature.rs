@@ -3,7 +3,7 @@
 use super::simulated::Noise;
 use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::{
-    Calibration, GyroscopeCalibration, UncertainEstimate, calibrate, write_calibration,
+    Calibration, GyroscopeCalibration, UncertainEstimate, calibrate, calibration_figures, write_calibration,
 };
 use kalmems_engines::config::{CurvePiece, TemperatureCurve};
 use kalmems_engines::progress::Silent;
@@ -72,6 +72,37 @@ fn a_cycle_gives_the_bias_over_the_temperature_up_and_down_apart() {
     let held = coverage(0.0, 0..8);
     // Four or fewer of eight come once in 2700 times for one number.
     assert!(held.values().all(|held| *held >= 5), "{held:?}");
+}
+
+/// A shake during the cycle is drawn, named and fails a check; without one the check passes.
+#[test]
+fn a_motion_during_the_cycle_is_found_and_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cycle.csv");
+    let file = GyroscopeCalibration::parse(FILE, &folder.path().join("cycle.toml")).unwrap();
+    let checked = |shake: f64| {
+        write(&path, 0.0, 4);
+        let text = fs::read_to_string(&path).unwrap();
+        let mut shaken = String::new();
+        for (row, line) in text.lines().enumerate() {
+            let Some((temperature, rate)) = line.split_once(',').filter(|_| (3001..3200).contains(&row))
+            else {
+                writeln!(shaken, "{line}").unwrap();
+                continue;
+            };
+            let more = shake * (0.4 * row as f64).sin();
+            writeln!(shaken, "{temperature},{:.7}", rate.parse::<f64>().unwrap() + more).unwrap();
+        }
+        fs::write(&path, shaken).unwrap();
+        let found = calibrate(&file, &Silent).unwrap();
+        assert!(calibration_figures(&found).iter().any(|figure| figure.id == "temperature-parts"));
+        let checks = &found.records[0].checks;
+        let check = checks.iter().find(|check| check.what.contains("still during the cycle")).unwrap();
+        (check.passes, check.found.clone())
+    };
+    assert!(checked(0.0).0);
+    let (passes, found) = checked(5e-3);
+    assert!(!passes && found.contains("it moves"), "{found}");
 }
 
 #[test]
