@@ -98,6 +98,7 @@ fn slow_intervals_by_positions_hold_95_of_100() {
 /// The diagonal of the covariance matrix is that of the standard uncertainties, and the errors of many records have its covariances.
 #[test]
 fn the_covariance_matrix_is_that_of_the_errors() {
+    const RECORDS: u64 = 60;
     let stated = format!("{FILE}gravity_uncertainty = \"0.00980665 m/s^2\"\n");
     let found = calibrated(&UNIT, &TURNS, 3, &stated).unwrap();
     let (quantities, matrix) = (&record(&found).quantities, record(&found).covariance.as_ref().unwrap());
@@ -114,7 +115,6 @@ fn the_covariance_matrix_is_that_of_the_errors() {
     }
     // Sums and differences of two errors by their standard uncertainties: the mean square of 60 of Student's t with 15 or more degrees of freedom is
     // 1.15 with a standard deviation of 0.25 at most. With the correlations left out it would be near 0 or 2 for numbers that hang together.
-    const RECORDS: u64 = 60;
     let text = format!("{FILE}latitude = \"{} rad\"\n", TURNS.latitude);
     let truth = truth(&UNIT, &TURNS, true);
     let count = quantities.len();
