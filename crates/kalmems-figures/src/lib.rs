@@ -1,9 +1,9 @@
-//! Figures, tables and report pages as plain data, drawn as SVG, PNG and HTML.
+//! Figures, tables and report pages as plain data, drawn as SVG and HTML.
 //!
 //! Without the feature `draw` (on unless it is left out) there are the data alone, and tables as text: nothing of what draws is built.
 //!
-//! Nothing here knows a device or an estimate: others hand over series, tables and text. A [`Figure`] becomes SVG or PNG
-//! from the same drawing, laid out once; a [`Page`] becomes one HTML file that needs nothing else. The same data give the
+//! Nothing here knows a device or an estimate: others hand over series, tables and text. A [`Figure`] becomes SVG,
+//! laid out once; a [`Page`] becomes one HTML file that needs nothing else. The same data give the
 //! same bytes on every machine, without fonts or libraries of the system.
 //!
 //! ```

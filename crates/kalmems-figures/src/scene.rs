@@ -1,4 +1,4 @@
-//! A drawing as a list of marks, from which the SVG and the PNG are written.
+//! A drawing as a list of marks, from which the SVG is written.
 
 /// Red, green, blue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
