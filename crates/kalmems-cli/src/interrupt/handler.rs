@@ -7,6 +7,8 @@ use crate::tell::tell;
 use std::io::Write as _;
 use std::process::exit;
 use std::sync::atomic::Ordering;
+#[cfg(unix)]
+use std::sync::{Arc, atomic::AtomicBool};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -18,6 +20,10 @@ const SAME: Duration = Duration::from_millis(300);
 
 /// How long a message has to be written; what standard error goes to may take none.
 const TELLING: Duration = Duration::from_millis(50);
+
+/// What the command ends with where the system gives it no more memory: with an error.
+#[cfg(unix)]
+const NO_MEMORY_EXIT_CODE: i32 = 1;
 
 /// From now on an interruption or a request to end sets the flag. A command that has not ended by itself soon after is ended
 /// where it is, and at once after another one: results are put in their place whole, so that this leaves none of them half
@@ -49,7 +55,13 @@ pub fn listen() {
 /// Signals are taken on a thread of their own.
 #[cfg(unix)]
 fn set_handler(mut handler: impl FnMut() + Send + 'static) -> std::io::Result<()> {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    use signal_hook::consts::{SIGABRT, SIGHUP, SIGINT, SIGTERM};
+    // Where the system refuses memory, the standard library says how much was asked for and aborts: that is an error like others, and no crash.
+    signal_hook::flag::register_conditional_shutdown(
+        SIGABRT,
+        NO_MEMORY_EXIT_CODE,
+        Arc::new(AtomicBool::new(true)),
+    )?;
     let mut signals = signal_hook::iterator::Signals::new([SIGHUP, SIGINT, SIGTERM])?;
     let take = move || {
         for signal in signals.forever() {

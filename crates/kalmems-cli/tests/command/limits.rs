@@ -100,3 +100,33 @@ fn a_curve_of_too_many_points_is_refused_before_it_is_read_to_its_end() {
         assert!(output.status.code() == Some(1) && said.contains(expected), "{said}");
     }
 }
+
+/// Whatever the limit of the shell: a result, or an error that says how much memory was refused, and never a crash.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_limit_of_memory_is_an_error_with_its_size() {
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/shared_scanner/experiment.toml");
+    let mut refused = 0;
+    for limit_kb in [120_000, 160_000, 200_000, 240_000, 280_000, 320_000, 400_000] {
+        let folder = tempfile::tempdir().unwrap();
+        let script = format!("ulimit -v {limit_kb}; exec \"$0\" estimate \"$1\" --quiet --out out");
+        let output = Command::new("sh")
+            .current_dir(folder.path())
+            .args(["-c", &script, env!("CARGO_BIN_EXE_kalmems")])
+            .arg(&example)
+            .env_remove("RUST_BACKTRACE")
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&output.stderr);
+        match output.status.code() {
+            Some(0) => {}
+            Some(1) => {
+                refused += 1;
+                assert!(told.contains("memory"), "{limit_kb} kB: {told}");
+                assert!(!folder.path().join("out").exists(), "{limit_kb} kB: half a result");
+            }
+            _ => panic!("{limit_kb} kB: {:?} {told}", output.status),
+        }
+    }
+    assert!(refused > 0, "no limit was too small");
+}
