@@ -1,6 +1,6 @@
 //! The filter of a shared-electrode scanner by Euler's method, with the numbers of `examples/shared_scanner/microcontroller.toml`.
 
-use kalmems_core::{Covariance, Ekf, Euler, Filter, FilterError, Mat, Scalar};
+use kalmems_core::{Covariance, Ekf, Euler, Filter, FilterError, Mat, ProcessNoise, Scalar};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
 use kalmems_models::readout::DemodulatedComb;
@@ -27,7 +27,10 @@ pub fn scanner<T: Scalar>() -> ParametricScanner<T> {
 #[inline(always)]
 pub fn process<T: Scalar>() -> Euler<ParametricScanner<T>, T, 2> {
     let of = T::of;
-    let noise = Covariance::from_lower(Mat([[of(8.314131679767854e-10), of(0.0)], [of(1.2453630744504138e-9), of(2.4907323409663304e-9)]]));
+    // With its root, which this filter does not read: found here, it would be found anew with each step.
+    let covariance = Mat([[of(8.314131679767854e-10), of(0.0)], [of(1.2453630744504138e-9), of(2.4907323409663304e-9)]]);
+    let root = Mat([[of(2.88342360394165e-5), of(0.0)], [of(4.319043073476954e-5), of(2.5006379864174764e-5)]]);
+    let noise = ProcessNoise::with_root(covariance, root);
     Euler::new(scanner(), of(1.0), noise)
 }
 

@@ -2,7 +2,7 @@
 
 use core::num::NonZeroU32;
 use kalmems_core::update::Decimation;
-use kalmems_core::{Covariance, Ekf, Filter, FilterError, Mat, Nodes, Rk4, Scalar};
+use kalmems_core::{Covariance, Ekf, Filter, FilterError, Mat, Nodes, ProcessNoise, Rk4, Scalar};
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::dynamics::{ParametricScanner, TorsionalResonator};
 use kalmems_models::readout::DemodulatedComb;
@@ -31,8 +31,11 @@ pub fn scanner<T: Scalar>() -> ParametricScanner<T> {
 #[inline(always)]
 pub fn process<T: Scalar>() -> Rk4<ParametricScanner<T>, T, 2> {
     let of = T::of;
-    let noise = Covariance::from_lower(Mat([[of(8.314131679767854e-10), of(0.0)], [of(1.2453630744504138e-9), of(2.4907323409663304e-9)]]));
-    Rk4::with_noise(scanner(), of(1.0), noise.into())
+    // With its root, which this filter does not read: found here, it would be found anew with each step.
+    let covariance = Mat([[of(8.314131679767854e-10), of(0.0)], [of(1.2453630744504138e-9), of(2.4907323409663304e-9)]]);
+    let root = Mat([[of(2.88342360394165e-5), of(0.0)], [of(4.319043073476954e-5), of(2.5006379864174764e-5)]]);
+    let noise = ProcessNoise::with_root(covariance, root);
+    Rk4::with_noise(scanner(), of(1.0), noise)
 }
 
 /// What is read, in standard deviations of its noise.

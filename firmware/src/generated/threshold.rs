@@ -6,7 +6,7 @@
 
 use kalmems_core::detect::{CubicDesign, CubicFit, Detector, SlopeKernel, Threshold, angle_at, angle_variance};
 use kalmems_core::update::Always;
-use kalmems_core::{Covariance, Ekf, Filter, FilterError, LinearProcess, Mat, Scalar};
+use kalmems_core::{Covariance, Ekf, Filter, FilterError, LinearProcess, Mat, ProcessNoise, Scalar};
 use kalmems_models::capacitance::{CombCurve, CurveShape};
 use kalmems_models::readout::CurrentReadout;
 
@@ -29,7 +29,11 @@ pub fn process<T: Scalar>() -> LinearProcess<T, 2, 0> {
     LinearProcess {
         transition: Mat([[of(0.9999687030664928), of(0.9999373518726021)], [of(-6.259245101945472e-5), of(0.9998642740215946)]]),
         input: Mat([[], []]),
-        noise: Covariance::from_lower(Mat([[of(3.7683108518357885e-11), of(0.0)], [of(5.652271524989783e-11), of(1.1304543067397221e-10)]])).into(),
+        // With its root, which is not found anew with each step.
+        noise: ProcessNoise::with_root(
+            Mat([[of(3.7683108518357885e-11), of(0.0)], [of(5.652271524989783e-11), of(1.1304543067397221e-10)]]),
+            Mat([[of(6.138656898569742e-06), of(0.0)], [of(9.207668091544125e-06), of(5.316415991053783e-06)]]),
+        ),
     }
 }
 

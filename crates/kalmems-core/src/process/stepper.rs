@@ -5,7 +5,7 @@ use crate::augmentation::{ParametricDynamics, ParametricProcess};
 use crate::discretize::discretize;
 use crate::linalg::unrolled;
 use crate::notation::{matrix, vector};
-use crate::{Covariance, Dual, Mat, NoiseDensity, Over, Parameters, Scalar};
+use crate::{Dual, Mat, NoiseDensity, Over, Parameters, Scalar};
 use core::marker::PhantomData;
 
 /// An input at the start, the middle and the end of an interval.
@@ -193,7 +193,7 @@ pub struct Euler<D, T, const N: usize> {
 
 impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Euler<D, T, N> {
     /// Steps of `interval` seconds with this covariance of the noise per step.
-    pub fn new(dynamics: D, interval: T, noise: Covariance<T, N>) -> Self {
+    pub fn new(dynamics: D, interval: T, noise: impl Into<ProcessNoise<T, N>>) -> Self {
         Self { dynamics, interval, noise: noise.into() }
     }
 }

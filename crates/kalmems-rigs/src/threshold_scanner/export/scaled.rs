@@ -2,7 +2,7 @@
 
 use crate::export::ExportError;
 use crate::source_code::{ANSWERS, fill, number};
-use kalmems_core::Mat;
+use kalmems_core::{Covariance, Mat, ProcessNoise};
 use kalmems_core::detect::{CubicDesign, SlopeDesign};
 use kalmems_models::capacitance::CurveShape;
 use kalmems_models::dynamics::MirrorResonator;
@@ -179,6 +179,9 @@ impl ScaledThreshold {
         let ((slope_weights, slope), (fit_weights, cubic)) = (self.slope()?, self.cubic()?);
         let [[f00, f01], [f10, f11]] = self.transition.map(|row| row.map(of));
         let [[_, a01], [a10, a11]] = self.system.0.map(|row| row.map(of));
+        let [own, both, other] = self.noise;
+        let noise = ProcessNoise::from(Covariance::from_lower(Mat([[own, 0.0], [both, other]])));
+        let [[r00, _], [r10, r11]] = noise.root().0.map(|row| row.map(of));
         let [q00, q10, q11] = self.noise.map(of);
         let [angle, rate] = self.start.map(number);
         let [angle_sd, rate_sd] = self.start_sd.map(number);
@@ -223,6 +226,9 @@ impl ScaledThreshold {
                 ("q00", &q00),
                 ("q10", &q10),
                 ("q11", &q11),
+                ("r00", &r00),
+                ("r10", &r10),
+                ("r11", &r11),
                 ("rate", &rate),
                 ("rate_sd", &rate_sd),
                 ("rate_unit", &number(self.rate_unit)),
@@ -240,7 +246,7 @@ impl ScaledThreshold {
 /// The module, with the places of its constants.
 const MODULE: &str = r"use kalmems_core::detect::{CubicDesign, CubicFit, Detector, SlopeKernel, Threshold, angle_at, angle_variance};
 use kalmems_core::update::@policy@;
-use kalmems_core::{Covariance, Ekf, Filter, FilterError, LinearProcess, Mat, Scalar};
+use kalmems_core::{Covariance, Ekf, Filter, FilterError, LinearProcess, Mat, ProcessNoise, Scalar};
 use kalmems_models::capacitance::{CombCurve, CurveShape};
 use kalmems_models::readout::CurrentReadout;
 
@@ -263,7 +269,11 @@ pub fn process<T: Scalar>() -> LinearProcess<T, 2, 0> {
     LinearProcess {
         transition: Mat([[@f00@, @f01@], [@f10@, @f11@]]),
         input: Mat([[], []]),
-        noise: Covariance::from_lower(Mat([[@q00@, of(0.0)], [@q10@, @q11@]])).into(),
+        // With its root, which is not found anew with each step.
+        noise: ProcessNoise::with_root(
+            Mat([[@q00@, of(0.0)], [@q10@, @q11@]]),
+            Mat([[@r00@, of(0.0)], [@r10@, @r11@]]),
+        ),
     }
 }
 
