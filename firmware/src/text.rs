@@ -13,6 +13,9 @@ pub struct FromText {
     innovations: [f32; 6],
     counts: [u32; 4],
     begun: u32,
+    /// The last drive that was a number, and how many were none.
+    inputs: [f32; 1],
+    missing: u32,
 }
 
 unsafe extern "C" {
@@ -26,8 +29,15 @@ impl Run<f32> for FromText {
     const STEPS: usize = scanner_samples::SIGNAL_V.len() - 1;
 
     fn begin() -> Option<Self> {
-        let mut filter =
-            Self { mean: [0.0; 2], covariance: [0.0; 3], innovations: [0.0; 6], counts: [0; 4], begun: 0 };
+        let mut filter = Self {
+            mean: [0.0; 2],
+            covariance: [0.0; 3],
+            innovations: [0.0; 6],
+            counts: [0; 4],
+            begun: 0,
+            inputs: [0.0],
+            missing: 0,
+        };
         let first = scanner_samples::SIGNAL_V.first().copied()?;
         // SAFETY: functions of the header with a filter that is there; they keep no pointer.
         let taken = unsafe {

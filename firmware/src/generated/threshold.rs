@@ -32,7 +32,7 @@ pub fn process<T: Scalar>() -> LinearProcess<T, 2, 0> {
         // With its root, which is not found anew with each step.
         noise: ProcessNoise::with_root(
             Mat([[of(3.7683108518357885e-11), of(0.0)], [of(5.652271524989783e-11), of(1.1304543067397221e-10)]]),
-            Mat([[of(6.138656898569742e-06), of(0.0)], [of(9.207668091544125e-06), of(5.316415991053783e-06)]]),
+            Mat([[of(6.138656898569742e-6), of(0.0)], [of(9.207668091544125e-6), of(5.316415991053783e-6)]]),
         ),
     }
 }

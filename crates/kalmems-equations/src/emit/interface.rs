@@ -82,8 +82,9 @@ impl Interface {
                 _ => ("", String::new()),
             };
             heading.push(format!(
-                "In a rehearsal{of_32} the largest difference from the filter of the library was {first:.1e} of the largest value of a \
-                 state{by_more}."
+                "In a rehearsal{of_32} over {} samples the largest difference from the filter of the library was {first:.1e} of the largest value of \
+                 a state{by_more}.",
+                request.rehearsal.len()
             ));
         }
         Self {
@@ -188,6 +189,12 @@ impl Interface {
             Some((program.names.parameter(*place), unit, value))
         };
         request.adjustable.iter().filter_map(of).collect()
+    }
+
+    /// The statements that put the last number in the place of each of these inputs that is missing; `of` writes one for a name and its place.
+    pub(super) fn held(&self, inputs: &[String], of: impl Fn(&str, usize) -> String) -> String {
+        let place = |name: &String| self.step.iter().position(|own| own == name);
+        inputs.iter().filter_map(|name| Some(of(name, place(name)?))).collect()
     }
 
     /// The parameters of a function in C.

@@ -106,6 +106,7 @@ impl Device {
     ///     digits: EmitDigits::Single,
     ///     update_every: 1,
     ///     watch: EmitWatch { largest_nis: 28.4, rejects: true, settling: 1000, memory: 100 },
+    ///     mirrored: false,
     ///     rehearsal: vec![],
     ///     vectors: None,
     /// };

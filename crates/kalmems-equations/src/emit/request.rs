@@ -229,6 +229,8 @@ pub struct EmitRequest {
     pub update_every: u32,
     /// How its innovations are watched.
     pub watch: EmitWatch,
+    /// Whether the signals are the same for another motion, such as the mirrored one: a filter that has begun again may follow that.
+    pub mirrored: bool,
     /// Samples over which the filter is rehearsed as the source computes; none without a rehearsal.
     pub rehearsal: Vec<TestSample>,
     /// Samples with which the source tests itself.

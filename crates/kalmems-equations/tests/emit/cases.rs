@@ -180,6 +180,7 @@ fn case(
         digits: EmitDigits::Single,
         update_every: 1,
         watch: EmitWatch { rejects: true, settling: u32::MAX, ..EmitWatch::COUNTS },
+        mirrored: false,
         rehearsal: vec![],
         vectors: None,
     };

@@ -40,8 +40,8 @@ const TOLERANCE: f64 = 1e-2;
 /// How far the source may be from the library's filter in its rehearsal, by the standard deviation that the filter claims.
 const APART: f64 = 0.02;
 
-/// How many samples of the recording a filter is rehearsed over, to see how many digits it needs.
-const REHEARSED: usize = 3000;
+/// How many samples of the recording a filter is rehearsed over at most, to see how many digits it needs.
+const REHEARSED: usize = 30_000;
 
 /// Standard deviations by which a state is away from 0 from which on it is counted from where it starts.
 const FAR: f64 = 10.0;
@@ -206,6 +206,7 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
         courses: own.between.iter().map(|between| course(*between)).collect(),
         update_every: request.update_every.get(),
         watch: watch(&filter.basics.taking, interval_s, request.update_every.get()),
+        mirrored: !settings.signs.is_empty(),
         vectors: (!vectors.is_empty()).then_some(TestVectors { samples: vectors, tolerance: TOLERANCE }),
         rehearsal,
         measures,
@@ -376,11 +377,11 @@ fn settled(
     Ok(EmitGain::Settled(vec![SettledGain { gain, variance: innovation }]))
 }
 
-/// The first recording, where there is one, and the interval in s between samples.
+/// The first recording that is estimated with its index, where there is one, and the interval in s between samples.
 fn recorded(
     experiment: &Experiment,
     request: &ExportRequest,
-) -> Result<(Option<SampledRecording>, f64), ExportError> {
+) -> Result<(Option<(usize, SampledRecording)>, f64), ExportError> {
     if let Some(interval_s) = request.interval_s {
         if request.samples > 0 {
             return Err(ExportError::SamplesOfAnotherRate);
@@ -399,7 +400,7 @@ fn recorded(
     let Some(interval_s) = interval_s else {
         return Err(ExportError::NoInterval { file: recording.source().file.clone() });
     };
-    Ok((Some(recording), interval_s))
+    Ok((Some((index, recording)), interval_s))
 }
 
 /// How long before each row the events were, in s; an event at the first row, where the filter starts, is left out.
@@ -440,13 +441,13 @@ fn inputs_before(data: &EquationSegment, between: &[Interpolation], k: usize) ->
 fn test_samples(
     (experiment, request): (&Experiment, &ExportRequest),
     (settings, filter): (&EquationSettings, &EquationFilterSettings),
-    recording: &SampledRecording,
+    (index, recording): &(usize, SampledRecording),
     measures: &[EmitMeasure],
     (at_least, at_most): (usize, usize),
 ) -> Result<Vec<TestSample>, ExportError> {
     let own = &*filter.own;
     let file = || recording.source().file.clone();
-    let columns = EquationColumns::of(experiment, 0)?;
+    let columns = EquationColumns::of(experiment, *index)?;
     let EquationColumns { inputs, measured: channels, .. } = &columns;
     let first = recording.segments().first();
     let segment = first.ok_or_else(|| ExportError::NoInterval { file: file() })?;

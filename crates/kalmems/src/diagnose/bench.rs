@@ -279,6 +279,9 @@ impl<'a> TrialBench<'a> {
         judged: Judged,
         holds: &dyn Fn(&DiagnosisTrial) -> bool,
     ) -> Option<DiagnosisTrial> {
+        if self.stop.is_stopped() {
+            return None;
+        }
         let mut document = self.document.clone();
         for change in changes {
             change.write(&mut document).ok()?;

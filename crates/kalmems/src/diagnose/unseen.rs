@@ -149,7 +149,9 @@ mod tests {
     #[test]
     fn crossings_that_are_found_in_the_filters_own_signal_are_named() {
         let found_in = |source: &str| -> Vec<String> {
-            let text = format!("[estimate.events.passes]\n{source}\n[[estimate.filter]]\nevents = {{ passes = {{}} }}\n[[estimate.filter]]\n");
+            let text = format!(
+                "[estimate.events.passes]\n{source}\n[[estimate.filter]]\nevents = {{ passes = {{}} }}\n[[estimate.filter]]\n"
+            );
             counted_twice(&text.parse().unwrap()).map(str::to_owned).collect()
         };
         assert_eq!(found_in("signal = \"y\""), ["passes"]);

@@ -6,7 +6,7 @@
  * The signal is the same for the mirrored motion, and the source mirrors nothing: its sign is that of the start.
  * A step goes over 1.0000000000000243e-6 s, by Euler's method.
  * Numbers have 32 bits.
- * In a rehearsal with numbers of 32 bits the largest difference from the filter of the library was 6.1e-7 of the largest value of a state.
+ * In a rehearsal with numbers of 32 bits over 24000 samples the largest difference from the filter of the library was 8.3e-7 of the largest value of a state.
  */
 #include "scanner_filter.h"
 
@@ -218,21 +218,50 @@ WITHIN void first(scanner_filter_t *filter)
 
 void scanner_filter_start(scanner_filter_t *filter)
 {
+    unsigned k;
     first(filter);
     filter->begun = 0U;
+    for (k = 0U; k < 1U; k++) {
+        filter->inputs[k] = 0.0F;
+    }
+    filter->missing = 0U;
+}
+
+/* Begins again as at the start, and counts it. */
+WITHIN void restart(scanner_filter_t *filter)
+{
+    first(filter);
+    filter->begun++;
+}
+
+/* An input; where it is not a number, the last one that was: time goes on. */
+WITHIN float held(scanner_filter_t *filter, unsigned place, float input)
+{
+    if (input - input == 0.0F) {
+        filter->inputs[place] = input;
+    } else if (filter->missing + 1U != 0U) {
+        filter->missing++;
+    }
+    return filter->inputs[place];
 }
 
 int scanner_filter_predict(scanner_filter_t *filter, float u_drive_start)
 {
     scanner_filter_state_t next = filter->state;
+    u_drive_start = held(filter, 0U, u_drive_start);
     predict(&next, u_drive_start);
-    return take(filter, &next);
+    if (take(filter, &next)) {
+        return 1;
+    }
+    restart(filter);
+    return 0;
 }
 
 int scanner_filter_update_signal(scanner_filter_t *filter, float y_signal)
 {
     scanner_filter_state_t next = filter->state;
-    const int taken = update_signal(&next, &filter->watch[0], y_signal) && take(filter, &next);
+    int taken;
+    taken = update_signal(&next, &filter->watch[0], y_signal) && take(filter, &next);
     return taken;
 }
 
@@ -240,6 +269,7 @@ int scanner_filter_step(scanner_filter_t *filter, float u_drive_start, float y_s
 {
     scanner_filter_state_t next = filter->state;
     int taken = 1;
+    u_drive_start = held(filter, 0U, u_drive_start);
     predict(&next, u_drive_start);
     taken &= update_signal(&next, &filter->watch[0], y_signal);
     if (!take(filter, &next)) {
@@ -261,6 +291,9 @@ scanner_filter_status_t scanner_filter_status(const scanner_filter_t *filter, un
     }
     if (watch->median > 4.0F * MEDIAN) {
         return SCANNER_FILTER_OVERCONFIDENT;
+    }
+    if (filter->begun > 0U && watch->since == 0U) {
+        return SCANNER_FILTER_SIGN_UNSURE;
     }
     return watch->since > 0U ? SCANNER_FILTER_LEFT_OUT : SCANNER_FILTER_FOLLOWING;
 }

@@ -6,7 +6,7 @@
  * The signal is the same for the mirrored motion, and the source mirrors nothing: its sign is that of the start.
  * A step goes over 1.0000000000000243e-6 s, by Euler's method.
  * Numbers have 32 bits.
- * In a rehearsal with numbers of 32 bits the largest difference from the filter of the library was 6.1e-7 of the largest value of a state.
+ * In a rehearsal with numbers of 32 bits over 24000 samples the largest difference from the filter of the library was 8.3e-7 of the largest value of a state.
  */
 #ifndef SCANNER_FILTER_H
 #define SCANNER_FILTER_H
@@ -56,20 +56,24 @@ typedef enum {
     SCANNER_FILTER_FOLLOWING,     /* the last sample was taken, and samples are as near as the filter says */
     SCANNER_FILTER_LEFT_OUT,      /* the last sample was not taken: it is missing, or none of the signal */
     SCANNER_FILTER_OVERCONFIDENT, /* samples are more than twice as far from their predictions as it says: do not trust its variances */
+    SCANNER_FILTER_SIGN_UNSURE,   /* as following, but it has begun again, and the signal is the same for another motion, such as the mirrored one */
     SCANNER_FILTER_LOST           /* too many samples are none of the signal that it follows: do not trust its means */
 } scanner_filter_status_t;
 
 typedef struct {
     scanner_filter_state_t state;
     scanner_filter_watch_t watch[SCANNER_FILTER_MEASUREMENTS];
-    unsigned begun; /* how often it has begun again, having lost its signal */
+    unsigned begun; /* how often it has begun again, having lost its signal or its numbers */
+    float inputs[1]; /* the last that were numbers */
+    unsigned missing; /* how many were none */
 } scanner_filter_t;
 
 /* Before the first sample. */
 void scanner_filter_start(scanner_filter_t *filter);
 
 /*
- * One interval on. 1 where it was taken; 0 where the result would not be finite, and nothing has changed.
+ * One interval on. An input that is not a number is taken for the last one that was. 1 where it was taken; 0 where the result would not be
+ * finite, and the filter has begun again as at the start.
  * drive in SI (V)
  */
 int scanner_filter_predict(scanner_filter_t *filter, float u_drive_start);

@@ -30,7 +30,7 @@ pub(super) fn header(
         request.measures.len(),
         request.update_every
     );
-    types(&mut text, device, request, program);
+    types(&mut text, (device, request), program, interface.step.len());
     if program.configure.is_some() {
         let _ = write!(
             text,
@@ -46,7 +46,8 @@ pub(super) fn header(
     );
     let _ = write!(
         text,
-        "/*\n * One interval on. 1 where it was taken; 0 where the result would not be finite, and nothing has changed.\n{} */\n\
+        "/*\n * One interval on. An input that is not a number is taken for the last one that was. 1 where it was taken; 0 where the result would not be\n \
+         * finite, and the filter has begun again as at the start.\n{} */\n\
          int {name}_predict({});\n\n",
         interface.inputs(" * "),
         Interface::arguments(name, &interface.predict, &[])
@@ -87,7 +88,12 @@ pub(super) fn header(
 }
 
 /// The types of a filter.
-fn types(text: &mut String, device: &Device, request: &EmitRequest, program: &FilterProgram) {
+fn types(
+    text: &mut String,
+    (device, request): (&Device, &EmitRequest),
+    program: &FilterProgram,
+    inputs: usize,
+) {
     let (name, upper, size) = (&request.name, request.name.to_uppercase(), request.size());
     let _ = write!(
         text,
@@ -114,7 +120,7 @@ fn types(text: &mut String, device: &Device, request: &EmitRequest, program: &Fi
     let _ = write!(
         text,
         "typedef struct {{\n    {name}_state_t state;\n    {name}_watch_t watch[{upper}_MEASUREMENTS];\n    \
-         unsigned begun; /* how often it has begun again, having lost its signal */\n{}",
+         unsigned begun; /* how often it has begun again, having lost its signal or its numbers */\n{}",
         if request.update_every > 1 {
             "    unsigned left; /* samples until the next correction */\n"
         } else {
@@ -125,6 +131,12 @@ fn types(text: &mut String, device: &Device, request: &EmitRequest, program: &Fi
         let count = configure.outputs.len().max(1);
         let of = kind(program.widths.constants);
         let _ = writeln!(text, "    {of} constants[{count}]; /* what follows from the parameters */");
+    }
+    if inputs > 0 {
+        let _ = write!(
+            text,
+            "    float inputs[{inputs}]; /* the last that were numbers */\n    unsigned missing; /* how many were none */\n"
+        );
     }
     let _ = write!(text, "}} {name}_t;\n\n");
 }

@@ -85,12 +85,20 @@ pub(super) fn finish(
     let _ = write!(
         text,
         "    for (k = 0U; k < {upper}_MEASUREMENTS; k++) {{\n        filter->watch[k] = FRESH;\n    }}\n}}\n\n\
-         void {name}_start({name}_t *filter)\n{{\n"
+         void {name}_start({name}_t *filter)\n{{\n{}",
+        if interface.step.is_empty() { "" } else { "    unsigned k;\n" }
     );
     if program.configure.is_some() {
         let _ = writeln!(text, "    {name}_parameters_t parameters;");
     }
     text.push_str("    first(filter);\n    filter->begun = 0U;\n");
+    if !interface.step.is_empty() {
+        let _ = write!(
+            text,
+            "    for (k = 0U; k < {}U; k++) {{\n        filter->inputs[k] = 0.0F;\n    }}\n    filter->missing = 0U;\n",
+            interface.step.len()
+        );
+    }
     if program.configure.is_some() {
         let _ = write!(
             text,
@@ -113,12 +121,19 @@ fn answers(text: &mut String, request: &EmitRequest, program: &FilterProgram) {
     } else {
         format!("    if (watch->seen < {}U) {{\n        return {upper}_STARTING;\n    }}\n", rules.settling)
     };
+    let unsure = if request.mirrored {
+        format!(
+            "    if (filter->begun > 0U && watch->since == 0U) {{\n        return {upper}_SIGN_UNSURE;\n    }}\n"
+        )
+    } else {
+        String::new()
+    };
     let _ = write!(
         text,
         "\n{name}_status_t {name}_status(const {name}_t *filter, unsigned measurement)\n{{\n    \
          const {name}_watch_t *const watch = &filter->watch[measurement < {upper}_MEASUREMENTS ? measurement : 0U];\n{starting}    \
          if (watch->open > 0U) {{\n        return {upper}_LOST;\n    }}\n    \
-         if (watch->median > 4.0F * MEDIAN) {{\n        return {upper}_OVERCONFIDENT;\n    }}\n    \
+         if (watch->median > 4.0F * MEDIAN) {{\n        return {upper}_OVERCONFIDENT;\n    }}\n{unsure}    \
          return watch->since > 0U ? {upper}_LEFT_OUT : {upper}_FOLLOWING;\n}}\n\n\
          float {name}_innovation(const {name}_t *filter, unsigned measurement)\n{{\n    \
          return measurement < {upper}_MEASUREMENTS ? DEVIATION[measurement] * filter->watch[measurement].residual : nothing();\n}}\n"
@@ -187,7 +202,7 @@ fn within(
             text,
             "\n/* A filter that has lost its signal for so many samples begins again as at the start. */\n\
              WITHIN void begin_again({name}_t *filter)\n{{\n    unsigned k;\n    for (k = 0U; k < {upper}_MEASUREMENTS; k++) {{\n        \
-             if (filter->watch[k].open >= {}U) {{\n            first(filter);\n            filter->begun++;\n            return;\n        \
+             if (filter->watch[k].open >= {}U) {{\n            restart(filter);\n            return;\n        \
              }}\n    }}\n}}\n",
             request.watch_rules().lost
         );
@@ -203,16 +218,34 @@ fn steps(
     program: &FilterProgram,
     interface: &Interface,
 ) -> Result<(), EmitError> {
-    within(text, device, request, program, interface)?;
     let name = &request.name;
+    let _ = write!(
+        text,
+        "\n/* Begins again as at the start, and counts it. */\nWITHIN void restart({name}_t *filter)\n{{\n    first(filter);\n    filter->begun++;\n}}\n"
+    );
+    if !interface.step.is_empty() {
+        let _ = write!(
+            text,
+            "\n/* An input; where it is not a number, the last one that was: time goes on. */\n\
+             WITHIN float held({name}_t *filter, unsigned place, float input)\n{{\n    if (input - input == 0.0F) {{\n        \
+             filter->inputs[place] = input;\n    }} else if (filter->missing + 1U != 0U) {{\n        filter->missing++;\n    }}\n    \
+             return filter->inputs[place];\n}}\n"
+        );
+    }
+    within(text, device, request, program, interface)?;
+    let held = |inputs: &[String]| {
+        interface.held(inputs, |name, place| format!("    {name} = held(filter, {place}U, {name});\n"))
+    };
     let again = if request.begins_again() { "    begin_again(filter);\n" } else { "" };
     let targets = CallTargets { state: "&next", watch: "", constants: "filter->constants" };
     let way = if request.parts > 1 { "advance" } else { "predict" };
     let predict = program.predict.call(way, &targets, &interface.predict);
     let _ = write!(
         text,
-        "\nint {name}_predict({})\n{{\n    {name}_state_t next = filter->state;\n    {predict};\n    return take(filter, &next);\n}}\n",
-        Interface::arguments(name, &interface.predict, &[])
+        "\nint {name}_predict({})\n{{\n    {name}_state_t next = filter->state;\n{}    {predict};\n    if (take(filter, &next)) {{\n        return 1;\n    }}\n    \
+         restart(filter);\n    return 0;\n}}\n",
+        Interface::arguments(name, &interface.predict, &[]),
+        held(&interface.predict)
     );
     let mut calls = Vec::new();
     for update in UpdateFunction::all(interface, (device, request), program) {
@@ -222,9 +255,10 @@ fn steps(
         let one = update.routine.call(of, &over, &update.arguments());
         let _ = write!(
             text,
-            "\nint {name}_{of}({})\n{{\n    {name}_state_t next = filter->state;\n    const int taken = {one} && take(filter, &next);\n{}    \
+            "\nint {name}_{of}({})\n{{\n    {name}_state_t next = filter->state;\n    int taken;\n{}    taken = {one} && take(filter, &next);\n{}    \
              return taken;\n}}\n",
             Interface::arguments(name, &update.inputs, &update.measured),
+            held(&update.inputs),
             if update.is_event { "" } else { again }
         );
         if !update.is_event {
@@ -242,8 +276,9 @@ fn steps(
     };
     let _ = write!(
         text,
-        "\nint {name}_step({})\n{{\n    {name}_state_t next = filter->state;\n    int taken = 1;\n{between}    {predict};\n",
-        Interface::arguments(name, &interface.step, &interface.measured)
+        "\nint {name}_step({})\n{{\n    {name}_state_t next = filter->state;\n    int taken = 1;\n{between}{}    {predict};\n",
+        Interface::arguments(name, &interface.step, &interface.measured),
+        held(&interface.step)
     );
     for one in calls {
         let _ = writeln!(text, "    taken &= {one};");

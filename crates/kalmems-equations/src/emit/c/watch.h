@@ -18,6 +18,7 @@ typedef enum {
     @NAME@_FOLLOWING,     /* the last sample was taken, and samples are as near as the filter says */
     @NAME@_LEFT_OUT,      /* the last sample was not taken: it is missing, or none of the signal */
     @NAME@_OVERCONFIDENT, /* samples are more than twice as far from their predictions as it says: do not trust its variances */
+    @NAME@_SIGN_UNSURE,   /* as following, but it has begun again, and the signal is the same for another motion, such as the mirrored one */
     @NAME@_LOST           /* too many samples are none of the signal that it follows: do not trust its means */
 } @name@_status_t;
 

@@ -33,7 +33,7 @@ pub(super) fn methods(
         list(mean, widths.mean)?
     );
     within(text, device, request, program, interface)?;
-    let state = "state: START, watch: [InnovationWatch::NEW; MEASUREMENTS], begun: 0, left: 0";
+    let state = "state: START, watch: [InnovationWatch::NEW; MEASUREMENTS], begun: 0, missing: 0, inputs: [0.0; INPUTS], left: 0";
     text.push_str("\nimpl Filter {\n    /// Before the first sample.\n    pub fn new() -> Self {\n");
     match &program.configure {
         None => {
@@ -174,17 +174,33 @@ fn steps(
     program: &FilterProgram,
     interface: &Interface,
 ) {
+    text.push_str(
+        "\n    /// Begins again as at the start, and counts it.\n    fn restart(&mut self) {\n        self.state = START;\n        \
+         self.watch = [InnovationWatch::NEW; MEASUREMENTS];\n        self.left = 0;\n        self.begun = self.begun.wrapping_add(1);\n    }\n",
+    );
+    if !interface.step.is_empty() {
+        text.push_str(
+            "\n    /// An input; where it is not a number, the last one that was: time goes on.\n    #[inline(always)]\n    \
+             fn held(&mut self, place: usize, input: f32) -> f32 {\n        if input - input == 0.0 {\n            self.inputs[place] = input;\n        \
+             } else {\n            self.missing = self.missing.saturating_add(1);\n        }\n        self.inputs[place]\n    }\n",
+        );
+    }
+    let held = |inputs: &[String]| {
+        interface.held(inputs, |name, place| format!("        let {name} = self.held({place}, {name});\n"))
+    };
     let again = if request.begins_again() { "        self.begin_again();\n" } else { "" };
     let targets = CallTargets { state: "&mut next", watch: "", constants: "&self.constants" };
     let way = if request.parts > 1 { "advance" } else { "predict" };
     let predict = program.predict.call(way, &targets, &interface.predict);
     let _ = write!(
         text,
-        "\n    /// One interval on. True where it was taken; false where the result would not be finite, and nothing has changed.\n    \
-         ///\n{}    pub fn predict(&mut self{}) -> bool {{\n        let mut next = self.state;\n        {predict};\n        \
-         self.take(&next)\n    }}\n",
+        "\n    /// One interval on. An input that is not a number is taken for the last one that was. True where it was taken; false where the\n    \
+         /// result would not be finite, and the filter has begun again as at the start.\n    \
+         ///\n{}    pub fn predict(&mut self{}) -> bool {{\n{}        let mut next = self.state;\n        {predict};\n        \
+         if self.take(&next) {{\n            return true;\n        }}\n        self.restart();\n        false\n    }}\n",
         interface.inputs("    /// "),
-        typed(&interface.predict)
+        typed(&interface.predict),
+        held(&interface.predict)
     );
     let mut calls = String::new();
     for update in UpdateFunction::all(interface, (device, request), program) {
@@ -196,9 +212,10 @@ fn steps(
         let _ = write!(
             text,
             "\n    /// {what} True where it was taken; false where it is left out, and nothing has changed.\n    \
-             pub fn {of}(&mut self{}) -> bool {{\n        let mut next = self.state;\n        let taken = {one} && self.take(&next);\n{}        \
+             pub fn {of}(&mut self{}) -> bool {{\n{}        let mut next = self.state;\n        let taken = {one} && self.take(&next);\n{}        \
              taken\n    }}\n",
             typed(&arguments),
+            held(&update.inputs),
             if update.is_event { "" } else { again }
         );
         if !update.is_event {
@@ -219,25 +236,32 @@ fn steps(
         text,
         "\n    /// The prediction and all corrections of one sample. True where all were taken; false where one is left out: a sample that is not a\n    \
          /// number is a gap, and one that is too far from what is expected is none of the signal.\n    \
-         pub fn step(&mut self{}) -> bool {{\n{between}        let mut next = self.state;\n        let mut taken = true;\n        {predict};\n{calls}        \
+         pub fn step(&mut self{}) -> bool {{\n{between}{}        let mut next = self.state;\n        let mut taken = true;\n        {predict};\n{calls}        \
          if !self.take(&next) {{\n            // What follows from the measurements is not finite: the prediction alone.\n            \
          let _ = self.predict({});\n            taken = false;\n        }}\n{again}        taken\n    }}\n",
         typed(&all),
+        held(&interface.step),
         interface.predict.join(", ")
     );
     if request.begins_again() {
         text.push_str(
             "\n    /// A filter that has lost its signal for so many samples begins again as at the start.\n    fn begin_again(&mut self) {\n        \
-             if self.watch.iter().any(|watch| watch.open >= RULES.lost) {\n            self.state = START;\n            \
-             self.watch = [InnovationWatch::NEW; MEASUREMENTS];\n            self.left = 0;\n            self.begun = self.begun.wrapping_add(1);\n        }\n    }\n",
+             if self.watch.iter().any(|watch| watch.open >= RULES.lost) {\n            self.restart();\n        }\n    }\n",
         );
     }
-    text.push_str(
+    let status = if request.mirrored {
+        "match watch.status(&RULES) {\n            SignalStatus::Following if self.begun > 0 => SignalStatus::SignUnsure,\n            \
+         other => other,\n        }"
+    } else {
+        "watch.status(&RULES)"
+    };
+    let _ = write!(
+        text,
         "\n    /// How it stands to a measurement; `None` of one that there is not.\n    \
-         pub fn status(&self, measurement: usize) -> Option<SignalStatus> {\n        \
-         self.watch.get(measurement).map(|watch| watch.status(&RULES))\n    }\n\n    \
+         pub fn status(&self, measurement: usize) -> Option<SignalStatus> {{\n        \
+         self.watch.get(measurement).map(|watch| {status})\n    }}\n\n    \
          /// What was last measured of each measurement, minus what was predicted, in SI.\n    \
-         pub fn innovations(&self) -> [f32; MEASUREMENTS] {\n        \
-         core::array::from_fn(|k| DEVIATION[k] * self.watch[k].residual)\n    }\n",
+         pub fn innovations(&self) -> [f32; MEASUREMENTS] {{\n        \
+         core::array::from_fn(|k| DEVIATION[k] * self.watch[k].residual)\n    }}\n"
     );
 }

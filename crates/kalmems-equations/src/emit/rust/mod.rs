@@ -104,16 +104,18 @@ pub(super) fn files(
     let called: BTreeSet<CalledFunction> =
         program.routines().iter().flat_map(|routine| routine.called()).collect();
     let has_covariance = request.gain == EmitGain::Covariance;
-    text += "\n#![allow(non_snake_case, clippy::all, clippy::pedantic)]\n";
+    text += "\n#![allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]\n";
     let _ = write!(
         text,
         "\n/// How many states there are:\n///\n{}pub const STATES: usize = {size};\n\
          /// The sampling interval in s.\npub const INTERVAL_S: f32 = {};\n/// How many measurements correct it.\npub const MEASUREMENTS: usize = {};\n\
-         /// A step corrects by one sample in so many.\npub const UPDATE_EVERY: u32 = {};\n",
+         /// A step corrects by one sample in so many.\npub const UPDATE_EVERY: u32 = {};\n\
+         /// How many inputs a step is given.\nconst INPUTS: usize = {};\n",
         interface.states("/// "),
         float(request.sampling_interval_s())?,
         request.measures.len(),
-        request.update_every
+        request.update_every,
+        interface.step.len()
     );
     let _ = write!(
         text,
@@ -157,7 +159,8 @@ pub(super) fn files(
         text,
         "\n/// The filter.\n#[derive(Clone, Copy, Debug)]\npub struct Filter {{\n    /// What is estimated.\n    pub state: State,\n    \
          /// What the corrections by each measurement saw.\n    pub watch: [InnovationWatch; MEASUREMENTS],\n    \
-         /// How often it has begun again, having lost its signal.\n    pub begun: u32,\n    \
+         /// How often it has begun again, having lost its signal or its numbers.\n    pub begun: u32,\n    \
+         /// How many inputs were no numbers, in whose places are the last that were.\n    pub missing: u32,\n    inputs: [f32; INPUTS],\n    \
          /// Samples until the next correction.\n    left: u32,\n{field}}}\n\n"
     );
     text += IN_RUST;

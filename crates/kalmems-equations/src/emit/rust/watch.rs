@@ -38,6 +38,8 @@ pub enum SignalStatus {
     LeftOut,
     /// Samples are more than twice as far from their predictions as the filter says: its variances are not to be trusted.
     Overconfident,
+    /// As following, but the filter has begun again, and the signal is the same for another motion, such as the mirrored one.
+    SignUnsure,
     /// Too many samples are none of the signal that the filter follows: its means are not to be trusted.
     Lost,
 }

@@ -2,8 +2,8 @@
 
 use crate::export::ExportError;
 use crate::source_code::{ANSWERS, fill, number};
-use kalmems_core::{Covariance, Mat, ProcessNoise};
 use kalmems_core::detect::{CubicDesign, SlopeDesign};
+use kalmems_core::{Covariance, Mat, ProcessNoise};
 use kalmems_models::capacitance::CurveShape;
 use kalmems_models::dynamics::MirrorResonator;
 use kalmems_models::readout::CurrentReadout;

@@ -9,6 +9,7 @@ use crate::diagnose::search::{CauseSearch, MostLikelySizes, most_likely_sizes};
 use crate::diagnose::suspect::{NumberRole, Suspect};
 use crate::diagnose::trial::{DiagnosisTrial, TrialBlocks};
 use crate::identify::{TWO_SIDED, likelihood_half_width};
+use crate::progress::Progress;
 use crate::rigs::Workbench;
 use kalmems_core::Scalar;
 use std::convert::Infallible;
@@ -21,6 +22,8 @@ pub(in crate::diagnose) struct LikelihoodSearch<'a> {
     /// The run of the experiment as it is.
     pub(in crate::diagnose) base: &'a DiagnosisTrial,
     pub(in crate::diagnose) prior: &'a FactorPrior,
+    /// Asked before each run whether the work is to stop: runs that follow are none then.
+    pub(in crate::diagnose) progress: &'a dyn Progress,
 }
 
 /// A number that is known no better than to this, relative to itself, is not determined by the recordings.
@@ -64,13 +67,24 @@ impl LikelihoodSearch<'_> {
         CauseSearch { bench: self.bench, suspects, base: self.base }
     }
 
+    /// Whether the work is to stop, of which the runs hear.
+    fn stops(&self) -> bool {
+        self.progress.reached(0).is_break()
+    }
+
     /// The run with these sizes.
     pub(in crate::diagnose) fn run(&self, suspects: &[Suspect], sizes: &[f64]) -> Option<DiagnosisTrial> {
+        if self.stops() {
+            return None;
+        }
         self.search(suspects).run(&Cause::Numbers(sizes.iter().copied().enumerate().collect()))
     }
 
     /// ln p of the innovations of some blocks with these sizes, and of what is stated of the numbers.
     fn log_likelihood(&self, suspects: &[Suspect], sizes: &[f64], blocks: TrialBlocks) -> Option<f64> {
+        if self.stops() {
+            return None;
+        }
         let cause = Cause::Numbers(sizes.iter().copied().enumerate().collect());
         let mut innovations = self.search(suspects).run_unjudged(&cause)?.part(blocks);
         self.prior.append(&mut innovations, sizes);
@@ -239,7 +253,7 @@ impl LikelihoodSearch<'_> {
         };
         let innovations = |sizes: &[f64]| {
             let cause = Cause::Numbers(sizes.iter().copied().enumerate().collect());
-            let mut found = search.innovations(&cause, sizes, blocks)?;
+            let mut found = (!self.stops()).then(|| search.innovations(&cause, sizes, blocks))??;
             self.prior.append(&mut found, sizes);
             Some(found)
         };

@@ -71,7 +71,7 @@ pub fn likeliest(
     suspects.extend(others.into_iter().take(MOST_SIZES.saturating_sub(asked)));
     progress.begin("likelihood", 0);
     let prior = FactorPrior::of(experiment, &suspects)?;
-    let sought = LikelihoodSearch { workbench, bench: &bench, base: &base, prior: &prior };
+    let sought = LikelihoodSearch { workbench, bench: &bench, base: &base, prior: &prior, progress };
     let nowhere = || IdentifyError::Unfit { recording: bench.filter_name.clone(), why: NOWHERE.to_owned() };
     let stopped = || progress.reached(0).is_break().then_some(IdentifyError::Interrupted);
     let found = sought.with_signs(&suspects);

@@ -77,7 +77,8 @@ impl FilterNoiseEvidence {
         let suspects: Vec<Suspect> =
             sought.iter().zip(&guesses).map(|(one, guess)| one.suspect(*guess)).collect();
         let prior = FactorPrior::of(&bench.experiment, &suspects)?;
-        let search = LikelihoodSearch { workbench, bench: &bench, base: &base, prior: &prior };
+        let search =
+            LikelihoodSearch { workbench, bench: &bench, base: &base, prior: &prior, progress: &progress };
         let likeliest = most_likely(&search, &suspects);
         let ends = likeliest.as_ref().map(|found| {
             let of = |place: usize| match sought[place].walk() {
