@@ -46,7 +46,7 @@ check_build()
 disp('the package does for Octave what the command does')
 end
 
-% What kalmems.build gives to the programs that it runs, with programs in their place that write it down.
+% The folders and options with which kalmems.build runs cargo and mex, recorded by programs that replace them.
 function check_build()
 work = tempname();
 mkdir(work);

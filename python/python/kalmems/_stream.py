@@ -44,8 +44,8 @@ class Stream:
     """An iterator over estimates and events of samples that arrive.
 
     `source` gives the samples in pieces of bytes or text, in the format that the table `stream` of the experiment describes; it is asked on a
-    thread of its own. With `async for` it may be asynchronous. `summary` is what came of the stream, once it has ended. A loop that is left goes
-    on with `next` or another loop; the work ends with `close`, or when nothing refers to the stream any more.
+    thread of its own. With `async for` it may be asynchronous. `summary` is what came of the stream, once it has ended. After a loop was left,
+    `next` or another loop goes on from there; the work ends with `close`, or when nothing refers to the stream any more.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Stream:
         if not self._is_begun:
             if not isinstance(self._source, Iterable):
                 raise TypeError("an asynchronous source needs `async for`")
-            # Not of this object, which would not end before the source.
+            # The thread has no reference to this object, so that a stream that nobody reads any more ends.
             threading.Thread(target=_feed, args=(self._native, self._source, self._failed), daemon=True).start()
             self._is_begun = True
         while not self._ready and not self._is_ended:

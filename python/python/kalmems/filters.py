@@ -176,7 +176,7 @@ def _is_compiled(function: Function) -> bool:
 def _handed_over(name: str, function: Function) -> tuple[int | None, Function | None]:
     if not _is_compiled(function):
         return None, function
-    # What Numba compiles has one of ctypes; of any other address nothing says which arguments are read there.
+    # A function of Numba has one of ctypes; any other address does not say which arguments are read there.
     compiled: Any = getattr(function, "ctypes", function)
     arguments = getattr(compiled, "argtypes", None)
     if arguments is None:
