@@ -1,13 +1,13 @@
 /* The gateway between MATLAB or Octave and kalmems. The functions of +kalmems call it; nobody else has to.
  *
- *   result  = kalmems_gateway('estimate', experiment, recordings, references)
+ *   result  = kalmems_gateway('estimate', experiment, recordings, references, folder, force)
  *   version = kalmems_gateway('version')
  *   html    = kalmems_gateway('report', experiment, recordings, references)
- *   kalmems_gateway('write', experiment, recordings, references, folder, force)
  *
  * experiment: the path of a file, or a structure with the fields path and text.
  * recordings, references: structure arrays with the fields of (a name, or ''), names (cell), columns (cell of double), units (cell of name and
  * unit in turn), segments (a name, or ''), clock (a name, or ''), rate (in Hz, or NaN).
+ * folder: where the estimate is written as well, or ''.
  */
 #include <math.h>
 #include <stdio.h>
@@ -139,7 +139,7 @@ static void give(const mxArray *all, bool as_references) {
 static mxArray *trajectories(void) {
     static const char *const fields[] = {"name", "kind", "recording", "segment", "passes", "grade", "names", "units", "columns"};
     const size_t count = kalmems_trajectory_count(estimate);
-    mxArray *all = mxCreateStructMatrix(count, 1, 8, (const char **)fields);
+    mxArray *all = mxCreateStructMatrix(count, 1, sizeof fields / sizeof *fields, (const char **)fields);
     for (size_t k = 0; k < count; k++) {
         const size_t width = kalmems_column_count(estimate, k);
         mxArray *names = mxCreateCellMatrix(1, width), *units = mxCreateCellMatrix(1, width), *columns = mxCreateCellMatrix(1, width);
@@ -168,7 +168,7 @@ static mxArray *trajectories(void) {
 
 static mxArray *result(void) {
     static const char *const fields[] = {"metrics", "summary", "notices", "trajectories"};
-    mxArray *made = mxCreateStructMatrix(1, 1, 4, (const char **)fields);
+    mxArray *made = mxCreateStructMatrix(1, 1, sizeof fields / sizeof *fields, (const char **)fields);
     const size_t count = kalmems_estimate_notice_count(estimate);
     mxArray *notices = mxCreateCellMatrix(count, 1);
     for (size_t k = 0; k < count; k++) mxSetCell(notices, k, mxCreateString(kalmems_estimate_notice(estimate, k)));
@@ -190,9 +190,9 @@ void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[]) {
         plhs[0] = mxCreateString(kalmems_version());
         return;
     }
-    const bool writes = !strcmp(what, "write"), reports = !strcmp(what, "report"), estimates = !strcmp(what, "estimate");
+    const bool reports = !strcmp(what, "report"), estimates = !strcmp(what, "estimate");
     mxFree(what);
-    if (!(writes ? nrhs == 6 : (reports || estimates) && nrhs == 4))
+    if (!(reports && nrhs == 4) && !(estimates && nrhs == 6))
         mexErrMsgIdAndTxt("kalmems:argument", "this gateway is for the functions of +kalmems");
     KalmemsError *error = NULL;
     open_experiment(prhs[1]);
@@ -200,18 +200,17 @@ void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[]) {
     give(prhs[3], true);
     estimate = kalmems_estimate(experiment, goes_on, NULL, &error);
     if (!estimate) fail(error);
-    if (estimates) {
-        plhs[0] = result();
-    } else if (reports) {
+    if (reports) {
         char *html = kalmems_estimate_report(estimate, &error);
         if (!html) fail(error);
         plhs[0] = mxCreateString(html);
         kalmems_text_free(html);
     } else {
         char *folder = text_of(prhs[4], "the folder");
-        const bool written = kalmems_estimate_write(estimate, folder, mxGetScalar(prhs[5]) != 0, &error);
+        const bool done = !*folder || kalmems_estimate_write(estimate, folder, mxGetScalar(prhs[5]) != 0, &error);
         mxFree(folder);
-        if (!written) fail(error);
+        if (!done) fail(error);
+        plhs[0] = result();
     }
     free_all();
 }

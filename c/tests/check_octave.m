@@ -17,18 +17,20 @@ assert(numel(of_files.trajectories) == numel(of_arrays.trajectories) && numel(of
 for k = 1:numel(of_files.trajectories)
     a = of_files.trajectories(k);
     b = of_arrays.trajectories(k);
-    assert(strcmp(a.name, b.name) && a.passes == b.passes)
+    assert(strcmp(a.name, b.name) && a.passes == b.passes && strcmp(a.grade, b.grade))
     assert(isequaln_of(a.time, b.time) && isequaln_of(a.angle, b.angle) && isequaln_of(a.angle_sd, b.angle_sd))
     assert(strcmp(a.units.angle, 'rad') && strcmp(a.units.time, 's'))
 end
+assert(strcmp(of_files.trajectories(1).grade, 'no_claim') && strcmp(of_files.trajectories(2).grade, 'doubtful'))
 assert(~isempty(of_arrays.notices) && ~isempty(strfind(of_arrays.summary, 'EKF')))
 assert(isstruct(of_arrays.metrics) && isfield(of_arrays.metrics, 'schema_version'))
 
-% The numbers that the command writes.
-written = kalmems.estimate(experiment, recording, 'Folder', folder, 'Force', true);
+% The numbers that the command writes, of the one estimate that is returned; texts may be string scalars.
+written = kalmems.estimate(StringScalar(experiment), recording, 'Folder', StringScalar(folder), 'Force', true);
+expect('kalmems:argument', 'for the functions of', @() kalmems_gateway('write', experiment, [], [], folder, 1))
 assert(exist(fullfile(folder, 'metrics.json'), 'file') == 2)
 assert(isequaln_of(written.trajectories(2).angle, of_files.trajectories(2).angle))
-page = kalmems.report(experiment, fullfile(folder, 'page.html'), recording);
+page = kalmems.report(StringScalar(experiment), fullfile(folder, 'page.html'), recording);
 assert(~isempty(strfind(fileread(page), '<html')))
 
 % Errors have identifiers, and say what to do.
@@ -40,7 +42,44 @@ expect('kalmems:argument', 'structure array', @() kalmems.estimate(experiment, [
 short = recording;
 short.(names{1}) = short.(names{1})(1:10);
 expect('kalmems:argument', names{1}, @() kalmems.estimate(experiment, short))
+check_build()
 disp('the package does for Octave what the command does')
+end
+
+% The folders and options with which kalmems.build runs cargo and mex, recorded by programs that replace them.
+function check_build()
+work = tempname();
+mkdir(work);
+target = fullfile(work, 'of its own');
+root = fileparts(fileparts(which('kalmems_gateway')));
+variables = {'PATH', 'CARGO_TARGET_DIR'};
+before = cellfun(@getenv, variables, 'UniformOutput', false);
+restore = onCleanup(@() restored(variables, before, work));
+program(fullfile(work, 'cargo'), ['#!/bin/sh\npwd -P >"' work '/cargo_folder"\nmkdir -p "${CARGO_TARGET_DIR:-target}/release"\n'])
+system(['chmod +x "' fullfile(work, 'cargo') '"']);
+program(fullfile(work, 'mex.m'), ['function mex(varargin)\nfile = fopen(''' work '/mex_arguments'', ''w'');\n' ...
+    'fprintf(file, ''%%s\\n'', pwd, varargin{:});\nfclose(file);\nend\n'])
+warning('off', 'Octave:shadowed-function', 'local');
+addpath(work)
+setenv('PATH', [work ':' before{1}])
+setenv('CARGO_TARGET_DIR', target)
+kalmems.build()
+given = strsplit(fileread(fullfile(work, 'mex_arguments')), "\n");
+assert(strcmp(strtrim(fileread(fullfile(work, 'cargo_folder'))), root))
+assert(strcmp(given{1}, pwd) && any(strcmp(given, ['-L' fullfile(target, 'release')])))
+end
+
+function restored(variables, values, work)
+rmpath(work)
+cellfun(@setenv, variables, values);
+confirm_recursive_rmdir(false, 'local');
+rmdir(work, 's');
+end
+
+function program(file, format)
+id = fopen(file, 'w');
+fprintf(id, format);
+fclose(id);
 end
 
 function same = isequaln_of(a, b)

@@ -85,6 +85,7 @@ def test_a_recording_is_its_own_and_read_only(recorded: dict[str, np.ndarray]) -
     assert recording.sha256 == digest != kalmems.Recording({**recorded, "cap_V": signal}).sha256
     with pytest.raises(ValueError):
         recording["cap_V"][0] = 1.0
+    assert "cap_V" in recording and "cap" not in recording and tuple(recording) == recording.columns == tuple(recorded)
 
 
 @pytest.mark.filterwarnings("ignore::kalmems.VerdictWarning")

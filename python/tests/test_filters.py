@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+
 import numpy as np
 import pytest
 
@@ -122,6 +124,36 @@ def test_compiled_functions_give_the_numbers_of_python_functions() -> None:
     for kind in (filters.Ekf, filters.Ukf):
         native = kind(f=move, h=see, Q=Q, R=R).run(z, X0, P0, u)
         assert np.allclose(native.x, kind(**python, Q=Q, R=R).run(z, X0, P0, u).x, atol=1e-9)
+
+
+def test_compiled_functions_of_another_signature_are_refused() -> None:
+    numba = pytest.importorskip("numba")
+    pointer = ctypes.POINTER(ctypes.c_double)
+
+    def see(x, u, out) -> None:
+        out[0] = x[0]
+
+    def model(h: object, f: object = ctypes.CFUNCTYPE(None, pointer, pointer, pointer)(see)) -> filters.Ekf:
+        return filters.Ekf(f, h, Q=[[1e-3]], R=R)
+
+    z, one = np.ones(20), numba.cfunc("void(CPointer(float64), CPointer(float64), CPointer(float64))")(see)
+    expected = filters.kalman(z, [[1]], [[1]], [[1e-3]], R, [0], [[1]])
+    assert np.allclose(model(one).run(z, [0], [[1]]).x, expected.x, atol=1e-9)
+
+    class Somewhere:
+        address = one.address
+
+    for h, found in [
+        (numba.cfunc("float64(float64)")(lambda x: x), r"compiled as c_double\(c_double\)"),
+        (numba.cfunc("void(CPointer(float32), CPointer(float32), CPointer(float32))")(see), "LP_c_float, "),
+        (ctypes.CFUNCTYPE(ctypes.c_double, pointer, pointer, pointer)(lambda x, u, out: 0.0), r"c_double\(LP_c_double, "),
+        (ctypes.CDLL(None).cos, "does not declare its arguments"),
+        (Somewhere(), "does not declare its arguments"),
+    ]:
+        with pytest.raises(TypeError, match=rf"`h`.*{found}.*; expected void\(CPointer\(float64\), "):
+            model(h).run(z, [0], [[1]])
+    with pytest.raises(TypeError, match="`f` is compiled"):
+        model(one, numba.cfunc("float64(float64)")(lambda x: x)).run(z, [0], [[1]])
 
 
 def test_what_cannot_be_filtered_is_refused_with_its_reason() -> None:

@@ -6,6 +6,7 @@ import gc
 import multiprocessing
 import pickle
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from shutil import copy
 from typing import Any
@@ -34,6 +35,8 @@ def test_a_result_names_filters_states_and_figures(result: kalmems.Result) -> No
         _ = ekf.position
     with pytest.raises(KeyError, match="'UKF'"):
         _ = result["LKF"]
+    for holder in (result, result.segments[0]):
+        assert "EKF" in holder and "ekf" in holder and ekf in holder and "LKF" not in holder
     assert result["Model alone"].states["angle"].sd is None
     assert "EKF" in result.summary() and "<table>" in result._repr_html_()
     assert len(result.answers) == 1 and result.answers[0].startswith("angle: amplitude 8.")
@@ -155,7 +158,16 @@ def test_what_is_simulated_can_be_estimated_and_identified() -> None:
     identified = kalmems.Experiment.load(EXAMPLES / "shared_scanner/ring_down.toml").identify()
     stiffness = identified[next(one.name for one in identified if "stiffness" in one.name)]
     assert stiffness.value == pytest.approx(1.10e-4, rel=1e-3)
+    assert stiffness.name in identified and stiffness in identified and "stifness" not in identified
     assert identified.experiment.to_dict()["device"]["shared_scanner"]["resonator"]["stiffness"] != "1.1033e-4 N m"
+
+
+def test_parameters_of_a_device_by_its_equations_have_their_own_names() -> None:
+    identified = kalmems.Experiment.load(EXAMPLES / "comb_resonator/experiment.toml").identify()
+    names = [parameter.name for parameter in identified]
+    assert "k" in names and [parameter.key for parameter in identified] == [f"parameters.{name}" for name in names]
+    assert "k" in identified and "parameters.k" in identified and "parameters.j" not in identified
+    assert identified["k"] is identified["parameters.k"]
 
 
 def test_trajectories_become_tables(result: kalmems.Result, tmp_path: Path) -> None:
@@ -218,6 +230,31 @@ def test_a_result_is_drawn(result: kalmems.Result) -> None:
     matplotlib.use("Agg")
     axes = result.plot()
     assert axes.get_ylabel() == "angle (rad)" and len(axes.lines) == 3
+    with pytest.raises(KeyError, match="no state is called 'angel'; there are angle, rate"):
+        result.plot("angel")
+
+
+LIBRARIES: dict[str, tuple[str, Callable[[kalmems.Result, Path], object]]] = {
+    "matplotlib.pyplot": ("plot", lambda result, _: result.plot()),
+    "pandas": ("pandas", lambda result, _: result["EKF"].to_pandas()),
+    "polars": ("polars", lambda result, _: result["EKF"].to_polars()),
+    "xarray": ("xarray", lambda result, _: result["EKF"].to_xarray()),
+    "pyarrow": ("arrow", lambda result, _: result["EKF"].to_arrow()),
+    "pyarrow.parquet": ("arrow", lambda result, folder: result["EKF"].to_parquet(folder / "ekf.parquet")),
+    "scipy.io": ("mat", lambda result, folder: result["EKF"].to_mat(folder / "ekf.mat")),
+    "fsspec": ("remote", lambda *_: kalmems.Experiment.load(EXAMPLES / "shared_scanner/experiment.toml").estimate_many("memory://*.csv", "memory://out")),
+}
+
+
+@pytest.mark.parametrize("module", LIBRARIES)
+def test_a_library_that_is_not_installed_is_named_with_what_brings_it(
+    result: kalmems.Result, module: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    extra, call = LIBRARIES[module]
+    # To import it fails then, as if it were not there.
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ImportError, match=rf"needs {module.split('.')[0]}, .*: pip install 'kalmems\[{extra}\]'"):
+        call(result, tmp_path)
 
 
 def test_the_figures_of_the_report_are_drawn(result: kalmems.Result) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator, Iterator
 
 import numpy as np
@@ -50,10 +51,56 @@ def test_a_stream_can_be_asynchronous(live: kalmems.Experiment) -> None:
     assert asyncio.run(count()) == len(list(live.stream(pieces())))
 
 
-def test_what_the_source_raises_is_raised(live: kalmems.Experiment) -> None:
-    def source() -> Iterator[bytes]:
-        yield next(pieces())
-        raise OSError("the cable")
+class Cable(Exception):
+    pass
 
-    with pytest.raises((OSError, kalmems.KalmemsError)):
+
+@pytest.mark.parametrize(("before", "can_be_estimated"), [(b"", False), (b"time_s,drive_V,cap_V\n", False), (next(pieces()), True)])
+def test_what_the_source_raises_is_raised(live: kalmems.Experiment, before: bytes, can_be_estimated: bool) -> None:
+    def source() -> Iterator[bytes]:
+        yield before
+        raise Cable
+
+    async def asynchronous() -> AsyncIterator[bytes]:
+        yield before
+        raise Cable
+
+    async def read() -> None:
+        async for _ in live.stream(asynchronous()):
+            pass
+
+    with pytest.raises(Cable) as error:
         list(live.stream(source()))
+    assert isinstance(error.value.__cause__, kalmems.RecordingError) != can_be_estimated
+    with pytest.raises(Cable):
+        asyncio.run(read())
+
+
+def test_a_stream_goes_on_where_it_was_left(live: kalmems.Experiment) -> None:
+    whole = list(live.stream(pieces()))
+    stream = live.stream(pieces())
+    first = next(stream)
+    for second in stream:
+        break
+    assert [first, second, *stream] == whole and stream.summary is not None
+    with pytest.raises(StopIteration):
+        next(stream)
+
+
+def test_a_stream_that_nobody_reads_any_more_asks_its_source_no_more(live: kalmems.Experiment) -> None:
+    asked = threading.Event()
+    ended = threading.Event()
+
+    def endless() -> Iterator[bytes]:
+        yield from pieces()
+        try:
+            while True:
+                asked.set()
+                yield b""
+        finally:
+            ended.set()
+
+    for _ in live.stream(endless()):
+        if asked.is_set():
+            break
+    assert ended.wait(10)

@@ -36,10 +36,8 @@ function result = estimate(experiment, varargin)
 %
 %   See also KALMEMS.REPORT, KALMEMS.VERSION.
 [recordings, references, options] = kalmems.internal.given(varargin{:});
-if ~isempty(options.Folder)
-    kalmems_gateway('write', experiment, recordings, references, options.Folder, double(options.Force));
-end
-found = kalmems_gateway('estimate', experiment, recordings, references);
+found = kalmems_gateway('estimate', kalmems.internal.text(experiment), recordings, references, ...
+    char(options.Folder), double(options.Force));
 result = struct('metrics', jsondecode(found.metrics), 'summary', found.summary, 'notices', {found.notices}, 'trajectories', []);
 made = cell(1, numel(found.trajectories));
 for k = 1:numel(found.trajectories)

@@ -4,7 +4,7 @@ function file = report(experiment, file, varargin)
 %
 %   See also KALMEMS.ESTIMATE.
 [recordings, references] = kalmems.internal.given(varargin{:});
-html = kalmems_gateway('report', experiment, recordings, references);
+html = kalmems_gateway('report', kalmems.internal.text(experiment), recordings, references);
 [id, why] = fopen(file, 'w', 'n', 'UTF-8');
 if id < 0
     error('kalmems:argument', '%s: %s', file, why);

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import html
+import io
 import json
 import os
 import tempfile
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from . import _kalmems, _places
+from ._needed import needed
 from ._recording import Recording
 
 if TYPE_CHECKING:
@@ -50,17 +52,11 @@ class Batch:
 
     def to_pandas(self, table: str = "summary") -> Any:
         """One of both tables as a `pandas.DataFrame`."""
-        import io
-
-        import pandas
-
-        return pandas.read_csv(io.BytesIO(self._read(f"{table}.csv")))
+        return needed("pandas", "pandas").read_csv(io.BytesIO(self._read(f"{table}.csv")))
 
     def to_polars(self, table: str = "summary") -> Any:
         """One of both tables as a `polars.DataFrame`."""
-        import polars
-
-        return polars.read_parquet(self._read(f"{table}.parquet"))
+        return needed("polars", "polars").read_parquet(self._read(f"{table}.parquet"))
 
     def __repr__(self) -> str:
         return f"{self._text}\nin {self.folder}"

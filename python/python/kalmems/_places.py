@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from ._needed import needed
+
 
 def is_remote(path: str | os.PathLike[str]) -> bool:
     """Whether it has a scheme."""
@@ -17,11 +19,7 @@ def is_remote(path: str | os.PathLike[str]) -> bool:
 
 def _of(path: str) -> tuple[Any, str]:
     """The file system and the path within it."""
-    try:
-        import fsspec
-    except ImportError as error:
-        raise ImportError(f"`{path}` has a scheme, which fsspec reads: pip install fsspec, and what it needs for that scheme") from error
-    system, within = fsspec.core.url_to_fs(path)
+    system, within = needed("fsspec", "remote").core.url_to_fs(path)
     return system, within
 
 

@@ -7,17 +7,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ._needed import needed
+
 if TYPE_CHECKING:
     from ._result import Result
 
 
 def plot(result: Result, state: str | None, ax: Any, band: float) -> Any:
     """A state of all filters over time, with what each claims."""
-    import matplotlib.pyplot as plt
+    plt = needed("matplotlib.pyplot", "plot")
 
+    name = state if state is not None else next(iter(result.trajectories[0].states))
+    known = list(dict.fromkeys(one for trajectory in result.trajectories for one in trajectory.states))
+    if name not in known:
+        raise KeyError(f"no state is called {name!r}; there are {', '.join(known)}")
     if ax is None:
         _, ax = plt.subplots(figsize=(8, 3.2), layout="constrained")
-    name = state if state is not None else next(iter(result.trajectories[0].states))
     unit = ""
     for segment in result.segments:
         for number, trajectory in enumerate(segment):
@@ -43,7 +48,7 @@ def plot(result: Result, state: str | None, ax: Any, band: float) -> Any:
 
 def columns(*tables: dict[str, Any]) -> Any:
     """The columns of tables over their time, a panel for each."""
-    import matplotlib.pyplot as plt
+    plt = needed("matplotlib.pyplot", "plot")
 
     drawn = [(table["time_s"], name, values) for table in tables for name, values in table.items() if name != "time_s"]
     _, grid = plt.subplots(len(drawn), 1, figsize=(8, 0.6 + 1.5 * len(drawn)), sharex=True, layout="constrained", squeeze=False)
@@ -68,7 +73,7 @@ def chosen(figures: Sequence[dict[str, Any]], name: str) -> dict[str, Any]:
 
 def draw(figure: dict[str, Any]) -> Any:
     """A figure of a report: its axes, from top to bottom. Series have the colours and widths of the report."""
-    import matplotlib.pyplot as plt
+    plt = needed("matplotlib.pyplot", "plot")
 
     panels = figure["panels"]
     picture, grid = plt.subplots(
@@ -146,6 +151,4 @@ def _axis(side: Any, axis: dict[str, Any], label: str) -> None:
     if axis["is_logarithmic"]:
         (side.axes.set_xscale if side.axis_name == "x" else side.axes.set_yscale)("log")
     elif _takes_prefix(axis):
-        from matplotlib.ticker import EngFormatter
-
-        side.set_major_formatter(EngFormatter(unit=axis["unit"]))
+        side.set_major_formatter(needed("matplotlib.ticker", "plot").EngFormatter(unit=axis["unit"]))

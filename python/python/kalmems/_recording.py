@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _kalmems
+from ._needed import needed
 from ._units import is_quantity, spelled
 
 _POWERS = {"s": 0, "ms": -3, "us": -6, "ns": -9, "ps": -12, "fs": -15, "as": -18}
@@ -86,6 +87,13 @@ class Recording:
     def __len__(self) -> int:
         return len(self._native)
 
+    def __contains__(self, column: object) -> bool:
+        return column in self._columns
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the columns."""
+        return iter(self._columns)
+
     def __getitem__(self, column: str) -> Any:
         """A column as it was taken over; masked where elements are missing."""
         values, missing = self._columns[column]
@@ -145,9 +153,7 @@ def _named_by_table(table: Any) -> Iterator[tuple[str, Any]]:
         for name in table.columns:
             yield str(name), table[name]
     elif hasattr(table, "__arrow_c_stream__"):
-        import pyarrow
-
-        yield from _named(pyarrow.table(table))
+        yield from _named(needed("pyarrow", "arrow").table(table))
     else:
         raise TypeError(
             f"columns of the type {type(table).__name__}; expected a mapping of names to arrays, such as "

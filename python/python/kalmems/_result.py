@@ -6,7 +6,7 @@ import html
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from . import _arrow, _kalmems
 from ._errors import KalmemsError
+from ._needed import needed
 from ._recording import Recording
 
 if TYPE_CHECKING:
@@ -141,26 +142,19 @@ class Trajectory:
 
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame`."""
-        import pandas
-
-        return pandas.DataFrame(self.columns())
+        return needed("pandas", "pandas").DataFrame(self.columns())
 
     def to_polars(self) -> Any:
         """A `polars.DataFrame`."""
-        import polars
-
-        return polars.DataFrame(self.columns())
+        return needed("polars", "polars").DataFrame(self.columns())
 
     def to_arrow(self) -> Any:
         """A `pyarrow.Table`."""
-        import pyarrow
-
+        pyarrow = needed("pyarrow", "arrow")
         return pyarrow.table({name: pyarrow.array(values) for name, values in self.columns().items()})
 
     def to_xarray(self) -> Any:
         """An `xarray.Dataset` over `time`, in s, with the unit of each variable."""
-        import xarray
-
         variables: dict[str, Any] = {}
         for state in self.states.values():
             variables[state.name] = ("time", state.mean, {"units": state.unit})
@@ -174,21 +168,17 @@ class Trajectory:
             variables[f"innovation_sd_{signal}"] = ("time", one.innovation_sd, {"units": one.unit})
             variables[f"nis_{signal}"] = ("time", one.nis, {"units": "1"})
         coordinates = {"time": ("time", self.time, {"units": "s"})}
-        return xarray.Dataset(variables, coords=coordinates, attrs={"filter": self.name})
+        return needed("xarray", "xarray").Dataset(variables, coords=coordinates, attrs={"filter": self.name})
 
     def to_parquet(self, path: str | os.PathLike[str]) -> None:
         """Writes a Parquet file (needs pyarrow), packed as floating-point numbers pack best."""
-        import pyarrow.parquet
-
-        pyarrow.parquet.write_table(
+        needed("pyarrow.parquet", "arrow").write_table(
             self.to_arrow(), path, compression="zstd", use_dictionary=False, use_byte_stream_split=True
         )
 
     def to_mat(self, path: str | os.PathLike[str]) -> None:
         """Writes a MAT file (needs SciPy)."""
-        import scipy.io
-
-        scipy.io.savemat(path, dict(self.columns()))
+        needed("scipy.io", "mat").savemat(path, dict(self.columns()))
 
     def __arrow_c_stream__(self, requested_schema: Any = None) -> Any:
         return _arrow.stream(self.columns())
@@ -223,6 +213,10 @@ class Segment:
                 return trajectory
         known = ", ".join(repr(trajectory.name) for trajectory in self.trajectories)
         raise KeyError(f"no filter is called {name!r}; there are {known}")
+
+    def __contains__(self, filter: object) -> bool:
+        """Whether there is an answer of a filter with this name or key."""
+        return any(filter is one or filter in (one.name, one.key) for one in self.trajectories)
 
     def __iter__(self) -> Iterator[Trajectory]:
         return iter(self.trajectories)
@@ -292,6 +286,10 @@ class Result:
         if len(self.segments) != 1:
             raise KeyError(f"there are {len(self.segments)} segments; take one: `result.segments[0][{name!r}]`")
         return self.segments[0][name]
+
+    def __contains__(self, filter: object) -> bool:
+        """Whether some segment has an answer of a filter with this name or key."""
+        return any(filter in segment for segment in self.segments)
 
     def __iter__(self) -> Iterator[Trajectory]:
         return iter(self.trajectories)
@@ -408,6 +406,7 @@ class Parameter:
     """A parameter that was identified, in SI."""
 
     name: str
+    """Its name, such as `k` of the parameter `parameters.k` of a device by its equations."""
     value: float
     standard_error: float | None
     """`None` where the recordings do not determine it."""
@@ -415,15 +414,20 @@ class Parameter:
     """Where the truth lies 95 times in 100."""
     unit: str
     recording: str
+    key: str
+    """Its name as `kalmems identify` prints it, such as `parameters.k`."""
+
+
+def _parameter(name: str, interval: Iterable[float | None], **found: Any) -> Parameter:
+    low, high = interval
+    return Parameter(name=name.removeprefix("parameters."), key=name, interval=(low, high), **found)
 
 
 class Identification:
     """What recordings tell of a device, and the experiment with it."""
 
     def __init__(self, told: dict[str, Any], text: str, experiment: Experiment) -> None:
-        self.parameters = [
-            Parameter(**{**parameter, "interval": tuple(parameter["interval"])}) for parameter in told["parameters"]
-        ]
+        self.parameters = [_parameter(**parameter) for parameter in told["parameters"]]
         self.undetermined: list[dict[str, str]] = told["undetermined"]
         """What they do not tell, and why."""
         self.warnings: list[str] = told["warnings"]
@@ -433,11 +437,16 @@ class Identification:
         self._text = text
 
     def __getitem__(self, name: str) -> Parameter:
+        """A parameter, by its name or its key."""
         for parameter in self.parameters:
-            if parameter.name == name:
+            if name in (parameter.name, parameter.key):
                 return parameter
         known = ", ".join(repr(parameter.name) for parameter in self.parameters)
         raise KeyError(f"no parameter is called {name!r}; there are {known}")
+
+    def __contains__(self, parameter: object) -> bool:
+        """Whether a parameter with this name or key was identified."""
+        return any(parameter in (one, one.name, one.key) for one in self.parameters)
 
     def __iter__(self) -> Iterator[Parameter]:
         return iter(self.parameters)

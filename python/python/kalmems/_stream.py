@@ -6,6 +6,8 @@ import asyncio
 import json
 import os
 import threading
+import weakref
+from collections import deque
 from collections.abc import AsyncIterable, AsyncIterator, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -42,7 +44,8 @@ class Stream:
     """An iterator over estimates and events of samples that arrive.
 
     `source` gives the samples in pieces of bytes or text, in the format that the table `stream` of the experiment describes; it is asked on a
-    thread of its own. With `async for` it may be asynchronous. `summary` is what came of the stream, once it has ended.
+    thread of its own. With `async for` it may be asynchronous. `summary` is what came of the stream, once it has ended. After a loop was left,
+    `next` or another loop goes on from there; the work ends with `close`, or when nothing refers to the stream any more.
     """
 
     def __init__(
@@ -53,29 +56,45 @@ class Stream:
         self._source = source
         self._names: dict[str, list[str]] = {}
         self._rest = b""
-        self._failed: BaseException | None = None
+        self._ready: deque[Estimate | Event] = deque()
+        self._failed: list[BaseException] = []
+        self._is_begun = self._is_ended = False
         self.summary: dict[str, Any] | None = None
+        weakref.finalize(self, self._native.stop)
 
     def close(self) -> None:
         """Stops the work where it is."""
         self._native.stop()
 
-    def __iter__(self) -> Iterator[Estimate | Event]:
-        if not isinstance(self._source, Iterable):
-            raise TypeError("an asynchronous source needs `async for`")
-        threading.Thread(target=self._feed, args=(self._source,), daemon=True).start()
-        try:
-            while lines := self._native.lines(True):
-                yield from self._parsed(lines)
-            self._end()
-        finally:
-            self._native.stop()
+    def __iter__(self) -> Stream:
+        return self
+
+    def __next__(self) -> Estimate | Event:
+        if not self._is_begun:
+            if not isinstance(self._source, Iterable):
+                raise TypeError("an asynchronous source needs `async for`")
+            # The thread has no reference to this object, so that a stream that nobody reads any more ends.
+            threading.Thread(target=_feed, args=(self._native, self._source, self._failed), daemon=True).start()
+            self._is_begun = True
+        while not self._ready and not self._is_ended:
+            try:
+                lines = self._native.lines(True)
+            except BaseException:
+                self._native.stop()
+                raise
+            if lines:
+                self._ready.extend(self._parsed(lines))
+            else:
+                self._end()
+        if not self._ready:
+            raise StopIteration
+        return self._ready.popleft()
 
     async def __aiter__(self) -> AsyncIterator[Estimate | Event]:
         if isinstance(self._source, AsyncIterable):
-            feeding = asyncio.create_task(self._feed_asynchronously(self._source))
+            feeding = asyncio.create_task(_feed_asynchronously(self._native, self._source, self._failed))
         else:
-            feeding = asyncio.create_task(asyncio.to_thread(self._feed, self._source))
+            feeding = asyncio.create_task(asyncio.to_thread(_feed, self._native, self._source, self._failed))
         try:
             while lines := await asyncio.to_thread(self._native.lines, True):
                 for one in self._parsed(lines):
@@ -85,30 +104,17 @@ class Stream:
             self._native.stop()
             feeding.cancel()
 
-    def _feed(self, source: Iterable[bytes | str]) -> None:
-        try:
-            for piece in source:
-                if not self._native.feed(piece.encode() if isinstance(piece, str) else bytes(piece)):
-                    break
-        except BaseException as error:
-            self._failed = error
-        self._native.close()
-
-    async def _feed_asynchronously(self, source: AsyncIterable[bytes | str]) -> None:
-        try:
-            async for piece in source:
-                taken = await asyncio.to_thread(self._native.feed, piece.encode() if isinstance(piece, str) else bytes(piece))
-                if not taken:
-                    break
-        except Exception as error:
-            self._failed = error
-        self._native.close()
-
     def _end(self) -> None:
-        told = self._native.summary()
+        self._is_ended = True
+        try:
+            told = self._native.summary()
+        except Exception as error:
+            if self._failed:
+                raise self._failed[0] from error
+            raise
         self.summary = None if told is None else json.loads(told)
-        if self._failed is not None:
-            raise self._failed
+        if self._failed:
+            raise self._failed[0]
 
     def _parsed(self, lines: bytes) -> Iterator[Estimate | Event]:
         *whole, self._rest = (self._rest + lines).split(b"\n")
@@ -126,3 +132,23 @@ class Stream:
                 names = self._names.get(head, [])[1:]
                 values = {name: float(cell) if cell else None for name, cell in zip(names, cells, strict=False)}
                 yield Estimate(head, float(time), values)
+
+
+def _feed(native: _kalmems.Stream, source: Iterable[bytes | str], failed: list[BaseException]) -> None:
+    try:
+        for piece in source:
+            if not native.feed(piece.encode() if isinstance(piece, str) else bytes(piece)):
+                break
+    except BaseException as error:
+        failed.append(error)
+    native.close()
+
+
+async def _feed_asynchronously(native: _kalmems.Stream, source: AsyncIterable[bytes | str], failed: list[BaseException]) -> None:
+    try:
+        async for piece in source:
+            if not await asyncio.to_thread(native.feed, piece.encode() if isinstance(piece, str) else bytes(piece)):
+                break
+    except Exception as error:
+        failed.append(error)
+    native.close()

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from . import _kalmems
 from ._executor import finished
+from ._needed import needed
 
 if TYPE_CHECKING:
     from ._experiment import Experiment
@@ -127,15 +128,11 @@ class StudyResult:
 
     def to_pandas(self) -> Any:
         """All figures of all runs as a `pandas.DataFrame`."""
-        import pandas
-
-        return pandas.read_csv(self.folder / "results.csv")
+        return needed("pandas", "pandas").read_csv(self.folder / "results.csv")
 
     def to_polars(self) -> Any:
         """All figures of all runs as a `polars.DataFrame`."""
-        import polars
-
-        return polars.read_csv(self.folder / "results.csv", infer_schema_length=None)
+        return needed("polars", "polars").read_csv(self.folder / "results.csv", infer_schema_length=None)
 
     @property
     def figure_names(self) -> list[str]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _kalmems
+from ._needed import needed
 
 __all__ = ["Calibration", "Image", "Spectrum", "calibrate", "image", "spectrum"]
 
@@ -52,7 +53,7 @@ class Image(_Told):
 
     def plot(self, *, ax: Any = None) -> Any:
         """Draws it (needs matplotlib); the axes."""
-        import matplotlib.pyplot as plt
+        plt = needed("matplotlib.pyplot", "plot")
 
         if ax is None:
             _, ax = plt.subplots(layout="constrained")
@@ -74,7 +75,7 @@ class Spectrum(_Told):
 
     def plot(self, *, ax: Any = None) -> Any:
         """Draws it, with its standard error where that is known (needs matplotlib); the axes."""
-        import matplotlib.pyplot as plt
+        plt = needed("matplotlib.pyplot", "plot")
 
         if ax is None:
             _, ax = plt.subplots(figsize=(8, 3.2), layout="constrained")

@@ -7,6 +7,7 @@ measurements.
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -17,6 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from . import _kalmems
 
 __all__ = ["Ekf", "Filtered", "Smoothed", "Ukf", "kalman"]
+
+_SIGNATURE = "void(CPointer(float64), CPointer(float64), CPointer(float64))"
 
 Numbers = NDArray[np.float64]
 Function: TypeAlias = Callable[..., Any]
@@ -123,10 +126,13 @@ class _Nonlinear:
         the smoother over all samples."""
         rows, states = _rows(z), _vector(x0)
         n, m = states.size, rows.shape[1]
-        compiled = [hasattr(function, "address") for function in self._functions if function is not None]
+        compiled = [_is_compiled(function) for function in self._functions if function is not None]
         if any(compiled) != all(compiled):
             raise ValueError("some functions of the model are compiled and some are not; give all of one kind")
-        functions = [None if function is None else _handed_over(function) for function in self._functions]
+        functions = [
+            None if function is None else _handed_over(name, function)
+            for name, function in zip(("f", "F", "h", "H"), self._functions, strict=True)
+        ]
         inputs = None if u is None else _rows(u)
         noise = (_matrix(self._q, n, n), _matrix(self._r, m, m))
         return _filtered(
@@ -141,7 +147,7 @@ class Ekf(_Nonlinear):
 
     Functions of Python get arrays, `f(x)` or, with inputs, `f(x, u)`, and give one. At native speed run functions that
     `numba.cfunc("void(CPointer(float64), CPointer(float64), CPointer(float64))")` compiles: `f(x, u, out)`, all as pointers, with matrices row
-    after row in `out`.
+    after row in `out`. A function of `ctypes` with `argtypes` of three `POINTER(c_double)` and the `restype` `None` is taken as well.
     """
 
 
@@ -163,9 +169,23 @@ class Ukf(_Nonlinear):
         self._points = (alpha, beta, kappa)
 
 
-def _handed_over(function: Function) -> tuple[int | None, Function | None]:
-    address = getattr(function, "address", None)
-    return (None, function) if address is None else (int(address), None)
+def _is_compiled(function: Function) -> bool:
+    return hasattr(function, "address") or hasattr(function, "argtypes")
+
+
+def _handed_over(name: str, function: Function) -> tuple[int | None, Function | None]:
+    if not _is_compiled(function):
+        return None, function
+    # A function of Numba has one of ctypes; any other address does not say which arguments are read there.
+    compiled: Any = getattr(function, "ctypes", function)
+    arguments = getattr(compiled, "argtypes", None)
+    if arguments is None:
+        raise TypeError(f"`{name}` has an address and does not declare its arguments; expected {_SIGNATURE}")
+    if list(arguments) != 3 * [ctypes.POINTER(ctypes.c_double)] or compiled.restype is not None:
+        result = "void" if compiled.restype is None else compiled.restype.__name__
+        found = f"{result}({', '.join(argument.__name__ for argument in arguments)})"
+        raise TypeError(f"`{name}` is compiled as {found}; expected {_SIGNATURE}")
+    return ctypes.cast(compiled, ctypes.c_void_p).value, None
 
 
 def _rows(values: ArrayLike) -> Numbers:

@@ -5,7 +5,7 @@ recordings = [];
 references = [];
 recording = [];
 is_given = false;
-if ~isempty(varargin) && ~ischar(varargin{1}) && ~(exist('isstring', 'builtin') && isstring(varargin{1}))
+if ~isempty(varargin) && ~ischar(kalmems.internal.text(varargin{1}))
     recording = varargin{1};
     is_given = true;
     varargin(1) = [];
