@@ -74,6 +74,7 @@ impl ArrayExperiment {
     /// of the role `test`.
     pub fn recording(&mut self, of: Option<&str>, given: &ArrayRecording) -> Result<(), ConfigError> {
         let place = self.place(of)?;
+        self.check_columns(&Key::from("recording").index(place), given)?;
         let taken: Vec<PathBuf> = self.arrays.keys().cloned().collect();
         let recording = self.table(place)?;
         let file = put_file(recording, &format!("recording {place}"), &taken);
@@ -91,6 +92,23 @@ impl ArrayExperiment {
         self.note_change();
         self.arrays.insert(file.into(), given.arrays.clone());
         self.recordings.push(place);
+        Ok(())
+    }
+
+    /// Refuses what is said of a column that is not given: it would mean nothing.
+    fn check_columns(&self, key: &Key, given: &ArrayRecording) -> Result<(), ConfigError> {
+        let units = given.units.keys().map(|column| ("units", column));
+        let clock = match &given.clock {
+            Some(ArrayClock::Column(column)) => Some(("clock", column)),
+            _ => None,
+        };
+        let segments = given.segments.as_ref().map(|column| ("segments", column));
+        for (of, column) in units.chain(clock).chain(segments) {
+            if !given.arrays.names().any(|name| name == column) {
+                let fault = ConfigFault::unknown_word(column, given.arrays.names());
+                return Err(self.error(key.clone().child(of), fault));
+            }
+        }
         Ok(())
     }
 
@@ -184,6 +202,7 @@ impl ArrayExperiment {
         let place = self.place(of)?;
         let taken: Vec<PathBuf> = self.arrays.keys().cloned().collect();
         let key = Key::from("recording").index(place).child("reference");
+        self.check_columns(&key, given)?;
         let Some(Value::Table(reference)) = self.table(place)?.get_mut("reference") else {
             let remedy =
                 "say what its columns are, such as `reference = { channels = { angle = \"angle_rad\" } }`";

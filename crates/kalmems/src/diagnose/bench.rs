@@ -371,6 +371,13 @@ impl<'a> TrialBench<'a> {
         materials
     }
 
+    /// How many rows there are in a second, within their segments.
+    pub(super) fn rate_hz(&self) -> f64 {
+        let segments: usize = self.recordings.iter().map(|(_, recording)| recording.segments().len()).sum();
+        let (rows, long_s) = self.extent();
+        rows.saturating_sub(segments) as f64 / long_s
+    }
+
     /// The rows that are looked at, and how long they take, in s.
     pub(super) fn extent(&self) -> (usize, f64) {
         let segments = self.recordings.iter().flat_map(|(_, recording)| recording.segments());

@@ -84,8 +84,8 @@ impl SimulatedRecordings<'_> {
             let whole: Table = self.experiment.to_toml().ok()?.parse().ok()?;
             return whole.get("simulate")?.as_table().cloned();
         }
-        let (rows, duration_s) = self.bench.extent();
-        let (drive, rate_hz) = (base.drive?, rows as f64 / duration_s);
+        let (_, duration_s) = self.bench.extent();
+        let (drive, rate_hz) = (base.drive?, self.bench.rate_hz());
         let sine = Table::from_iter([
             ("offset".to_owned(), written(drive.offset, "V")),
             ("amplitude".to_owned(), written(drive.amplitude, "V")),

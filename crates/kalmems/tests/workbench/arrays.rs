@@ -201,6 +201,15 @@ fn what_cannot_be_given_is_refused_by_key() {
     insta::assert_snapshot!(error.fault, @"no single recording has the name or the role `training`; there are one of the role `test`");
     assert_eq!(error.place.key.to_string(), "recording");
 
+    // What is said of a column that is not there would mean nothing.
+    let of_units = |recording: &ArrayRecording| {
+        let units = BTreeMap::from([("cap".to_owned(), "V".to_owned())]);
+        ArrayRecording { units, ..recording.clone() }
+    };
+    let error = experiment.recording(Some("test"), &of_units(&given(&recording))).unwrap_err();
+    assert_eq!(error.place.key.to_string(), "recording[0].units");
+    insta::assert_snapshot!(error.fault, @"");
+
     // Two recordings in one file, one of which is given.
     let file = example("shared_scanner/experiment.toml");
     let text = std::fs::read_to_string(&file)
