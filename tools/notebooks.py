@@ -29,8 +29,8 @@ ENVIRONMENT = ROOT / "python/target/tools/bin/python"
 
 # How Python prints a warning: the file, the line and the kind, and below it the line of code.
 WARNING = re.compile(r"^\S+:\d+: (\w+Warning: .*)\n(?:  .*\n?)?", re.MULTILINE)
-# What differs from run to run, and what the chapters have in its place, so that it is not compared: temporary folders, and the times per step that end a
-# row of the table of estimators.
+# What differs from run to run, and what the chapters have in its place, so that it is not compared: temporary folders, and the times per step that
+# end a row of the table of estimators.
 VARYING = (
     (re.compile(r"/tmp/\w+"), "/tmp/folder"),
     (re.compile(r"<td>[\d.]+ [nµm]?s</td></tr>"), "<td>…</td></tr>"),
