@@ -1,18 +1,21 @@
 #!/usr/bin/env python3
 """Runs the notebooks of the Python package and writes them as chapters of the book, with what they print and draw.
 
-    tools/notebooks.py            runs all of them; needs nbclient, and what the notebooks import
-    tools/notebooks.py --check    whether the chapters have the text and the code of the notebooks, without running them
+    tools/notebooks.py            runs all of them and writes the chapters
+    tools/notebooks.py --check    runs all of them and compares the chapters with their text, code and output; pictures are not compared
 
-The chapters are book/src/notebook_NAME.md, their pictures book/src/figures/notebook_NAME_N.png.
+The chapters are book/src/notebook_NAME.md, their pictures book/src/figures/notebook_NAME_N.png. A long output is shown in part. Needs nbclient and
+what the notebooks import: without them it runs in the environment that .ci/python makes.
 """
 
 from __future__ import annotations
 
 import argparse
 import base64
+import difflib
 import html
-import json
+import importlib.util
+import os
 import re
 import sys
 import textwrap
@@ -22,37 +25,55 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = ROOT / "python/notebooks"
 BOOK = ROOT / "book/src"
+ENVIRONMENT = ROOT / "python/target/tools/bin/python"
 
 # How Python prints a warning: the file, the line and the kind, and below it the line of code.
 WARNING = re.compile(r"^\S+:\d+: (\w+Warning: .*)\n(?:  .*\n?)?", re.MULTILINE)
-# A folder that is another one on each machine.
-TEMPORARY = re.compile(r"/tmp/\w+")
+# What differs from run to run, and what the chapters have in its place, so that it is not compared: temporary folders, and the times per step that
+# end a row of the table of estimators.
+VARYING = (
+    (re.compile(r"/tmp/\w+"), "/tmp/folder"),
+    (re.compile(r"<td>[\d.]+ [nµm]?s</td></tr>"), "<td>…</td></tr>"),
+)
+# An output of more lines, and a notice of more characters, are shown in part.
+LINES = 14
+CHARACTERS = 140
+# A notice in HTML, which has a colour, and of it what stands before the first comma or semicolon. The answer has none, and stays whole.
+CLAUSE = re.compile(r"(<p style[^>]*>)((?:[^<&,;]|&[#\w]+;|</?code>)*).*</p>")
 
 
 def main() -> int:
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("--check", action="store_true")
-    told = arguments.parse_args()
+    options = arguments.parse_args()
+    if importlib.util.find_spec("nbclient") is None:
+        if Path(sys.executable) == ENVIRONMENT or not ENVIRONMENT.exists():
+            print("nbclient is not installed, and .ci/python has made no environment", file=sys.stderr)
+            return 2
+        os.execv(ENVIRONMENT, [str(ENVIRONMENT), *sys.argv])
     notebooks = sorted(NOTEBOOKS.glob("*.ipynb"))
-    if told.check:
-        stale = [path.name for path in notebooks if not is_chapter_of(path)]
-        if stale:
-            print(f"the book has another text or code than {', '.join(stale)}: run tools/notebooks.py", file=sys.stderr)
-            return 1
-        print(f"{len(notebooks)} notebooks are chapters of the book")
-        return 0
-    for path in notebooks:
-        chapter(path).write_text(rendered(path), encoding="utf-8")
-        print(chapter(path).relative_to(ROOT))
+    differing = 0
+    for notebook in notebooks:
+        text, pictures = rendered(notebook)
+        if options.check:
+            differing += difference(chapter(notebook), text, pictures)
+            continue
+        for old in (BOOK / "figures").glob(f"notebook_{notebook.stem}_*.png"):
+            old.unlink()
+        for name, picture in pictures.items():
+            (BOOK / "figures" / name).write_bytes(picture)
+        chapter(notebook).write_text(text, encoding="utf-8")
+        print(chapter(notebook).relative_to(ROOT))
+    if differing:
+        print(f"chapters that differ from their notebooks: {differing}; run tools/notebooks.py", file=sys.stderr)
+        return 1
+    if options.check:
+        print(f"{len(notebooks)} notebooks are chapters of the book, with their output")
     return 0
 
 
 def chapter(notebook: Path) -> Path:
     return BOOK / f"notebook_{notebook.stem}.md"
-
-
-def cells(notebook: Path) -> list[dict[str, Any]]:
-    return list(json.loads(notebook.read_text(encoding="utf-8"))["cells"])
 
 
 def source(cell: Any) -> str:
@@ -61,25 +82,25 @@ def source(cell: Any) -> str:
     return text if cell["cell_type"] == "markdown" else f"```py\n{text}\n```"
 
 
-def is_chapter_of(notebook: Path) -> bool:
-    """Whether the chapter has every cell of the notebook, in their order."""
-    text, place = chapter(notebook).read_text(encoding="utf-8") if chapter(notebook).exists() else "", 0
-    for cell in cells(notebook):
-        place = text.find(source(cell), place)
-        if place < 0:
-            return False
-    return True
+def difference(page: Path, text: str, pictures: dict[str, bytes]) -> bool:
+    """Whether the page differs from the text, or lacks a picture; each difference is printed."""
+    there = page.read_text(encoding="utf-8") if page.exists() else ""
+    lines = list(difflib.unified_diff(there.splitlines(), text.splitlines(), str(page.relative_to(ROOT)), "its notebook, run now", n=0, lineterm=""))
+    lines += [f"{page.relative_to(ROOT)}: no picture {name}" for name in pictures if not (BOOK / "figures" / name).exists()]
+    for line in lines:
+        print(line, file=sys.stderr)
+    return bool(lines)
 
 
-def rendered(notebook: Path) -> str:
+def rendered(notebook: Path) -> tuple[str, dict[str, bytes]]:
+    """The chapter of a notebook that is run now, and its pictures by their names."""
     import nbclient
     import nbformat
 
     document = nbformat.read(notebook, as_version=4)
     nbclient.NotebookClient(document, timeout=900, resources={"metadata": {"path": str(NOTEBOOKS)}}).execute()
-    for old in (BOOK / "figures").glob(f"notebook_{notebook.stem}_*.png"):
-        old.unlink()
-    parts, pictures = [], 0
+    parts: list[str] = []
+    pictures: dict[str, bytes] = {}
     subject = ""
     for cell in document.cells:
         parts.append(source(cell))
@@ -91,13 +112,15 @@ def rendered(notebook: Path) -> str:
         for output in joined(cell.get("outputs", ())):
             data = output.get("data", {})
             if "image/png" in data:
-                pictures += 1
-                name = f"notebook_{notebook.stem}_{pictures}.png"
-                (BOOK / "figures" / name).write_bytes(base64.b64decode(data["image/png"]))
+                name = f"notebook_{notebook.stem}_{len(pictures) + 1}.png"
+                pictures[name] = base64.b64decode(data["image/png"])
                 parts.append(f"![{subject}](figures/{name})")
             elif text := printed(output):
                 parts.append(text)
-    return "\n\n".join(parts) + "\n"
+    text = "\n\n".join(parts) + "\n"
+    for varying, constant in VARYING:
+        text = varying.sub(constant, text)
+    return text, pictures
 
 
 def joined(outputs: Any) -> list[Any]:
@@ -115,24 +138,39 @@ def joined(outputs: Any) -> list[Any]:
 def printed(output: Any) -> str:
     """What a cell prints, as Markdown."""
     if output["output_type"] == "stream":
-        told = "".join(output["text"])
+        text = "".join(output["text"])
         if output["name"] == "stderr":
-            lines = WARNING.sub(r"\1\n", told).splitlines()
-            told = "\n".join(textwrap.fill(line, 100, subsequent_indent="  ") for line in lines)
-        return block(told)
+            lines = [first_sentence(line) for line in WARNING.sub(r"\1\n", text).splitlines()]
+            text = "\n".join(textwrap.fill(line, 100, subsequent_indent="  ") for line in lines)
+        return block(text)
     data = output.get("data", {})
     page = "".join(data.get("text/html", ""))
     if page.startswith("<pre>"):
         return block(html.unescape(page.removeprefix("<pre>").removesuffix("</pre>")))
     # Tables of other libraries bring styles of their own; their text says the same.
     if page and "<style" not in page:
-        return '<div style="overflow-x: auto">\n' + re.sub(r"\n\s*\n", "\n", page) + "\n</div>"
+        lines = [first_clause(line) for line in page.splitlines() if line.strip()]
+        return '<div style="overflow-x: auto">\n' + "\n".join(lines) + "\n</div>"
     return block("".join(data.get("text/plain", "")))
 
 
 def block(text: str) -> str:
-    text = TEMPORARY.sub("/tmp/folder", text.rstrip())
-    return f"```text\n{text}\n```" if text else ""
+    lines = text.rstrip().splitlines()
+    if len(lines) > LINES + 1:
+        lines[LINES:] = [f"… ({len(lines) - LINES} more lines)"]
+    return "\n".join(["```text", *lines, "```"]) if lines else ""
+
+
+def first_sentence(warning: str) -> str:
+    first, _, rest = warning.partition(". ")
+    return f"{first}. …" if rest else warning
+
+
+def first_clause(line: str) -> str:
+    """A line of HTML, a long notice without what follows its first comma or semicolon."""
+    if len(html.unescape(re.sub(r"<[^>]*>", "", line))) <= CHARACTERS:
+        return line
+    return CLAUSE.sub(lambda found: f"{found[1]}{found[2].rstrip()} …</p>", line)
 
 
 if __name__ == "__main__":
