@@ -191,7 +191,7 @@ impl Interface {
         request.adjustable.iter().filter_map(of).collect()
     }
 
-    /// The statements that put the last number in the place of each of these inputs that is missing; `of` writes one for a name and its place.
+    /// The statements that replace each missing input by its last number; `of` writes one for a name and its place among the inputs.
     pub(super) fn held(&self, inputs: &[String], of: impl Fn(&str, usize) -> String) -> String {
         let place = |name: &String| self.step.iter().position(|own| own == name);
         inputs.iter().filter_map(|name| Some(of(name, place(name)?))).collect()

@@ -18,7 +18,7 @@ mod functions {
     include!("rust/functions.rs");
 }
 
-/// What is asked for where nothing is claimed, relative to the largest value of each state: 10⁻⁵, less what compilers and their functions differ by.
+/// The largest difference of a filter without a claim, relative to the largest value of each state: 10⁻⁵, less what compilers and their functions differ by.
 const ENOUGH: f64 = 6e-6;
 
 /// How far a state may be from that of the library's filter by the standard deviation that is claimed of it: 0.02, less the same.

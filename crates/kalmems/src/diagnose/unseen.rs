@@ -97,7 +97,7 @@ pub fn unseen(workbench: &Workbench, experiment: &Experiment) -> Vec<String> {
     }
     said.extend(counted_twice(&document).map(|event| {
         format!(
-            "filters that are told of `{event}` count the samples from which it is found twice, by themselves and by its time. Without process noise their \
+            "filters that use `{event}` count the samples from which it is found twice, by themselves and by its time. Without process noise their \
              claim is too small by up to 1.3 times, and no test of the innovations sees it"
         )
     }));
@@ -105,17 +105,17 @@ pub fn unseen(workbench: &Workbench, experiment: &Experiment) -> Vec<String> {
     said
 }
 
-/// The events that are found in a signal which corrects the filters that are told of them.
+/// The events that are found in a signal that corrects the filters which use them.
 fn counted_twice(document: &Table) -> impl Iterator<Item = &str> {
     let estimate = document.get("estimate");
     let events = estimate.and_then(|estimate| estimate.get("events")?.as_table());
     let filters = estimate.and_then(|estimate| estimate.get("filter")?.as_array());
-    let is_told = move |event: &str| {
+    let uses = move |event: &str| {
         let of = |filter: &Value| filter.get("events").is_some_and(|events| events.get(event).is_some());
         filters.is_some_and(|filters| filters.iter().any(of))
     };
     let found = events.into_iter().flatten().filter(|(_, event)| event.get("signal").is_some());
-    found.map(|(name, _)| name.as_str()).filter(move |name| is_told(name))
+    found.map(|(name, _)| name.as_str()).filter(move |name| uses(name))
 }
 
 /// Whether a table has this key in one of its tables of process noise.
