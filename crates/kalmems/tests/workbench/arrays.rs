@@ -208,7 +208,7 @@ fn what_cannot_be_given_is_refused_by_key() {
     };
     let error = experiment.recording(Some("test"), &of_units(&given(&recording))).unwrap_err();
     assert_eq!(error.place.key.to_string(), "recording[0].units");
-    insta::assert_snapshot!(error.fault, @"");
+    insta::assert_snapshot!(error.fault, @"unknown word `cap`; did you mean `cap_V`? known words: time_s, drive_V, cap_V");
 
     // Two recordings in one file, one of which is given.
     let file = example("shared_scanner/experiment.toml");
