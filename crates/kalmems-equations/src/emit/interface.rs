@@ -82,7 +82,7 @@ impl Interface {
                 _ => ("", String::new()),
             };
             heading.push(format!(
-                "In a rehearsal{of_32} over {} samples the largest difference from the filter of the library was {first:.1e} of the largest value of \
+                "In a rehearsal{of_32} over up to {} samples the largest difference from the filter of the library was {first:.1e} of the largest value of \
                  a state{by_more}.",
                 request.rehearsal.len()
             ));

@@ -49,8 +49,7 @@ pub(super) fn choose(
         EmitDigits::AsNeeded => &LADDER,
         stated => std::slice::from_ref(stated),
     };
-    let last = tried.last().copied().unwrap_or(EmitDigits::Double);
-    let mut best = (EmitDigits::Single, [f64::INFINITY; 2], None);
+    let mut chosen = (EmitDigits::Single, None);
     for digits in tried {
         program.widen(*digits);
         let rehearsal = Rehearsal::of(device, request, program);
@@ -60,24 +59,17 @@ pub(super) fn choose(
         };
         let beginning = samples.get(..BEGINNING).unwrap_or(samples);
         let mut apart = rehearsal.farthest(beginning);
-        // One that is stated, or the last, is what is there: how far it is off over all is what has to be said.
-        if samples.len() > beginning.len() && (is_enough(&apart) || *digits == last) {
+        // The last ones are those that there are, however far they are off.
+        if samples.len() > beginning.len() && (is_enough(&apart) || tried.last() == Some(digits)) {
             apart = rehearsal.farthest(samples);
         }
-        let (ends, (found, of_claim)) = (is_enough(&apart), apart);
-        program.rehearsed.push(found);
-        // What is near enough for the claim counts first, then what is near the values.
-        let badness = [if ends { 0.0 } else { of_claim.map_or(f64::INFINITY, |(_, share)| share) }, found];
-        if tried.len() == 1 || badness < best.1 {
-            best = (*digits, badness, of_claim);
-        }
-        if ends {
+        program.rehearsed.push(apart.0);
+        chosen = (*digits, apart.1);
+        if is_enough(&apart) {
             break;
         }
     }
-    let (digits, _, apart) = best;
-    program.widen(digits);
-    (digits, apart)
+    chosen
 }
 
 /// A number of 32 bits.

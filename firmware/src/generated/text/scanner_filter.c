@@ -6,7 +6,7 @@
  * The signal is the same for the mirrored motion, and the source mirrors nothing: its sign is that of the start.
  * A step goes over 1.0000000000000243e-6 s, by Euler's method.
  * Numbers have 32 bits.
- * In a rehearsal with numbers of 32 bits over 24000 samples the largest difference from the filter of the library was 8.3e-7 of the largest value of a state.
+ * In a rehearsal with numbers of 32 bits over up to 24000 samples the largest difference from the filter of the library was 8.3e-7 of the largest value of a state.
  */
 #include "scanner_filter.h"
 
