@@ -12,7 +12,7 @@ use kalmems::estimate::{Trajectory, TrajectoryKind};
 use kalmems::figures::Figure;
 use kalmems::recording::RecordingSource;
 use kalmems::results::{
-    Estimated, Output, ResultWriteError, RunInfo, Work, WriteOptions, answers, budget_table, notices,
+    Estimated, Output, ResultWriteError, RunInfo, Work, WriteOptions, budget_table, notices,
     parameters_table, summary_table, summary_text,
 };
 use kalmems::rigs::published;
@@ -132,7 +132,7 @@ impl Outcome {
 
     /// The motion and how well it is known, a sentence for each quantity.
     fn answers(&self) -> Vec<String> {
-        answers(&self.estimated.metrics)
+        self.estimated.metrics.answer.clone()
     }
 
     /// The experiment as it was understood, every default written out.

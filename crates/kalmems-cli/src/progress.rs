@@ -5,6 +5,7 @@ use crate::tell::is_quiet;
 use kalmems::progress::Progress;
 use std::cell::RefCell;
 use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
 
 #[cfg_attr(target_family = "wasm", path = "progress/lines.rs")]
 #[cfg_attr(not(target_family = "wasm"), path = "progress/terminal.rs")]
@@ -14,39 +15,43 @@ use shown::BrowserLines as ShownProgress;
 #[cfg(not(target_family = "wasm"))]
 use shown::TerminalBar as ShownProgress;
 
-/// Work below this many units is over before a bar could be read; a browser takes longer, and has no cursor that blinks.
-const LONG: u64 = if cfg!(target_family = "wasm") { 100_000 } else { 2_000_000 };
+/// A command that has ended before this time shows no bar, which nobody could read; a browser has no cursor that blinks meanwhile.
+const SILENT: Duration = Duration::from_millis(if cfg!(target_family = "wasm") { 200 } else { 1000 });
 
-/// Shows progress where somebody sees it, and passes interruptions on.
+/// Shows the stage of the work and how far it is, from one second after its beginning on, and passes interruptions on.
 pub struct ProgressDisplay {
+    begun: Instant,
+    /// The stage and its number of units, 0 if nobody knows it.
+    stage: RefCell<Option<(String, u64)>>,
     shown: RefCell<Option<ShownProgress>>,
-    shortest: u64,
 }
 
 impl Default for ProgressDisplay {
     fn default() -> Self {
-        Self { shown: RefCell::default(), shortest: LONG }
+        Self { begun: Instant::now(), stage: RefCell::default(), shown: RefCell::default() }
     }
 }
 
 impl ProgressDisplay {
-    /// For work of which every single unit takes time.
-    pub fn of_large_units() -> Self {
-        Self { shown: RefCell::default(), shortest: 1 }
+    fn show_if_due(&self) {
+        if self.begun.elapsed() >= SILENT
+            && let Some((what, total)) = self.stage.borrow_mut().take()
+        {
+            *self.shown.borrow_mut() = ShownProgress::begin(&what, total);
+        }
     }
 }
 
 impl Progress for ProgressDisplay {
     fn begin(&self, what: &str, total: u64) {
-        let mut shown = self.shown.borrow_mut();
         // One is gone before the next is there.
-        *shown = None;
-        if total >= self.shortest && !is_quiet() {
-            *shown = ShownProgress::begin(what, total);
-        }
+        *self.shown.borrow_mut() = None;
+        *self.stage.borrow_mut() = (!is_quiet()).then(|| (what.to_owned(), total));
+        self.show_if_due();
     }
 
     fn reached(&self, done: u64) -> ControlFlow<()> {
+        self.show_if_due();
         if let Some(shown) = &*self.shown.borrow() {
             shown.reached(done);
         }

@@ -170,7 +170,7 @@ pub struct MapGrid {
     pub y: Vec<f64>,
     /// One row for each y, with one value for each x. A value that is not finite leaves its cell empty.
     pub values: Vec<Vec<f64>>,
-    /// What the values are: the title of the colour bar.
+    /// The quantity of the values: the title of the colour bar. With a logarithmic scale the values are decimal logarithms of the quantity.
     pub colours: Axis,
     /// Where the colours part.
     pub level: f64,

@@ -67,6 +67,8 @@ pub struct PageSection {
     pub part: PagePart,
     /// Figures over time are looked into together where this is the same.
     pub time_base: String,
+    /// Whether it is folded away, with its heading, until a reader asks for it.
+    pub is_folded: bool,
     /// From top to bottom.
     pub blocks: Vec<PageBlock>,
 }
@@ -96,8 +98,22 @@ pub enum PageBlock {
         /// What it says.
         text: String,
     },
-    /// What a reader may want to know, folded away where it is more than a few.
-    Notes(Vec<String>),
+    /// What was found, as one box for all findings of the same severity.
+    Findings {
+        /// How serious they are.
+        severity: NoticeSeverity,
+        /// A sentence each.
+        texts: Vec<String>,
+    },
+    /// Items of equal rank, one below the other.
+    List(Vec<String>),
+    /// Sentences that a reader may want to see, folded away.
+    Folded {
+        /// What the reader sees before they are unfolded.
+        summary: String,
+        /// The sentences, and how serious each is.
+        notices: Vec<(NoticeSeverity, String)>,
+    },
     /// Names and values.
     KeyValues(Vec<(String, String)>),
     /// A table.
@@ -161,7 +177,8 @@ impl Page {
 impl PageSection {
     /// A section without content yet.
     pub fn new(title: impl Into<String>) -> Self {
-        Self { title: title.into(), part: PagePart::default(), time_base: String::new(), blocks: Vec::new() }
+        let (part, time_base, blocks) = (PagePart::default(), String::new(), Vec::new());
+        Self { title: title.into(), part, time_base, is_folded: false, blocks }
     }
 
     /// How a page was made: by which command, by which version, and the files beside it in words.
@@ -185,6 +202,13 @@ impl PageSection {
         self
     }
 
+    /// Folds it away if this is so.
+    #[must_use]
+    pub fn folded(mut self, is_folded: bool) -> Self {
+        self.is_folded = is_folded;
+        self
+    }
+
     /// Adds any block.
     #[must_use]
     pub fn with(mut self, block: PageBlock) -> Self {
@@ -204,10 +228,34 @@ impl PageSection {
         self.with(PageBlock::Notice { severity, text: text.into() })
     }
 
-    /// Adds notes.
+    /// Adds a box with all findings of the same severity; none if there are none.
+    #[must_use]
+    pub fn findings(self, severity: NoticeSeverity, texts: Vec<String>) -> Self {
+        if texts.is_empty() { self } else { self.with(PageBlock::Findings { severity, texts }) }
+    }
+
+    /// Adds items of equal rank.
+    #[must_use]
+    pub fn list(self, items: Vec<String>) -> Self {
+        self.with(PageBlock::List(items))
+    }
+
+    /// Adds notes, folded away.
     #[must_use]
     pub fn notes(self, notes: Vec<String>) -> Self {
-        if notes.is_empty() { self } else { self.with(PageBlock::Notes(notes)) }
+        let count = notes.len();
+        let summary = if count == 1 { "1 note".to_owned() } else { format!("{count} notes") };
+        self.folded_notices(summary, notes.into_iter().map(|note| (NoticeSeverity::Note, note)).collect())
+    }
+
+    /// Adds sentences that are folded away; nothing if there are none.
+    #[must_use]
+    pub fn folded_notices(
+        self,
+        summary: impl Into<String>,
+        notices: Vec<(NoticeSeverity, String)>,
+    ) -> Self {
+        if notices.is_empty() { self } else { self.with(PageBlock::Folded { summary: summary.into(), notices }) }
     }
 
     /// Adds names and values.

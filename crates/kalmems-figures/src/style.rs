@@ -42,9 +42,12 @@ const BLUE: Colour = Colour(0x00, 0x72, 0xb2);
 const VERMILION: Colour = Colour(0xd5, 0x5e, 0x00);
 const PURPLE: Colour = Colour(0xcc, 0x79, 0xa7);
 const GREY: Colour = Colour(0x99, 0x99, 0x99);
+/// Two of the muted colours of Paul Tol, for panels of more series than Okabe and Ito have colours.
+const WINE: Colour = Colour(0x88, 0x22, 0x55);
+const TEAL: Colour = Colour(0x44, 0xaa, 0x99);
 
 /// For series whose role has no colour left, in this order. Yellow is missing: it cannot be seen on white.
-const FREE: [Colour; 7] = [BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, BLACK];
+const FREE: [Colour; 9] = [BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE, BLACK, WINE, TEAL];
 
 fn colour_of(role: SeriesRole) -> Option<Colour> {
     match role {

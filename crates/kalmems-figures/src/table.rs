@@ -92,10 +92,11 @@ impl TextTable {
         first.chain(verdict).chain(others.skip(1))
     }
 
-    /// How serious a cell is, where it is a verdict.
+    /// How serious a cell is, if it is a verdict and not empty.
     pub(crate) fn grade(&self, row: usize, column: usize) -> Option<NoticeSeverity> {
         let (verdict, severities) = self.verdicts.as_ref()?;
-        (*verdict == column).then(|| severities.get(row).copied())?
+        let is_said = self.rows.get(row)?.get(column).is_some_and(|cell| !cell.is_empty());
+        (*verdict == column && is_said).then(|| severities.get(row).copied())?
     }
 
     /// Adds a row. Numbers of too many digits to count get an exponent.

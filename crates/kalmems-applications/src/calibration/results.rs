@@ -97,11 +97,48 @@ impl<'a> CalibrationSummary<'a> {
         }
     }
 
+    /// What was asked for, a sentence each: scale factors; else the first quantities of the records; else the biases at rest.
+    pub fn answer(&self) -> Vec<String> {
+        let scales = self.results.iter().map(|result| {
+            let found = &result.scale_factor;
+            let place = format!("scale factor {}, {}, {}", AXES[result.main], result.condition, result.reference);
+            if result.withheld.is_some() {
+                return format!("{place}: withheld");
+            }
+            let [value, expanded] = with_uncertainty(found.value, found.expanded());
+            format!("{place}: {value} ± {expanded} (95 %)")
+        });
+        let quantities = self.unit_records.iter().flat_map(|record| {
+            let of = |quantity: &CalibratedQuantity| {
+                let QuantityUnit { factor, shown, .. } = quantity.unit;
+                let found = &quantity.estimate;
+                let [value, expanded] = with_uncertainty(factor * found.value, factor * found.expanded());
+                format!("{}: {value} ± {expanded} {shown} (95 %)", quantity.name.replace('_', " "))
+            };
+            record.quantities.iter().map(of)
+        });
+        let rests = self.rest.iter().map(|RestSummary { rest, .. }| {
+            let found = rest.bias_estimate();
+            let [value, expanded] = with_uncertainty(1e3 * found.value, 1e3 * found.expanded());
+            format!("bias at rest {}: {value} ± {expanded} m{} (95 %)", rest.sensor.axis(rest.axis), rest.sensor.unit())
+        });
+        let mut all: Vec<String> = scales.chain(quantities).chain(rests).collect();
+        if let Some(more) = all.len().checked_sub(ANSWERED).filter(|more| *more > 0) {
+            all.truncate(ANSWERED);
+            all.push(format!("{more} further results are in the tables"));
+        }
+        all
+    }
+
     /// For a terminal.
     pub fn to_text(&self) -> String {
         let not_observed = |line: &String| format!("not observed: {line}\n");
         let text_of = |table: TextTable| table.to_text();
         let mut parts: Vec<String> = Vec::new();
+        let answer = self.answer();
+        if !answer.is_empty() {
+            parts.push(answer.join("\n") + "\n");
+        }
         if !self.results.is_empty() {
             parts.push(scale_factors(self.results).to_text());
         }
@@ -129,6 +166,9 @@ impl<'a> CalibrationSummary<'a> {
         parts.join("\n")
     }
 }
+
+/// Results that a calibration names before its tables.
+const ANSWERED: usize = 4;
 
 /// The budget of a result, and what else it has in tables.
 fn tables_of(result: &CalibratedGyroscope) -> impl Iterator<Item = TextTable> {

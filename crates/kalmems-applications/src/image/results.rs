@@ -185,24 +185,7 @@ impl ImageMetrics {
     pub fn to_text(&self) -> String {
         let ScanSampleCounts { samples, used, outside_field, in_gap, beyond_trajectory, without_intensity } =
             self.samples;
-        let mut text = format!(
-            "{used} of {samples} samples used; outside of the field {outside_field}, in gaps of a trajectory {in_gap}, \
-             before or after it {beyond_trajectory}, without intensity {without_intensity}\n\
-             coverage {:.2} %: {} pixels have samples, {} are empty",
-            100.0 * self.coverage,
-            self.filled_pixels,
-            self.empty_pixels
-        );
-        if self.filled_for_the_eye > 0 {
-            text += &format!("; {} of them filled in picture.png", self.filled_for_the_eye);
-        }
-        text += "\n";
-        if self.beyond_grey > 0 {
-            text += &format!(
-                "{} pixels are darker than black or brighter than white, and cut\n",
-                self.beyond_grey
-            );
-        }
+        let mut text = String::new();
         for axis in &self.axes {
             text += &format!(
                 "{}: {} pixels, {}, amplitude {:.4} deg in a field of ±{:.4} deg, phase {:.4} deg",
@@ -227,6 +210,24 @@ impl ImageMetrics {
                 text += &format!("; forward and backward differ by {rms:.4} rms");
             }
             text += "\n";
+        }
+        text += &format!(
+            "{used} of {samples} samples used; outside of the field {outside_field}, in gaps of a trajectory {in_gap}, \
+             before or after it {beyond_trajectory}, without intensity {without_intensity}\n\
+             coverage {:.2} %: {} pixels have samples, {} are empty",
+            100.0 * self.coverage,
+            self.filled_pixels,
+            self.empty_pixels
+        );
+        if self.filled_for_the_eye > 0 {
+            text += &format!("; {} of them filled in picture.png", self.filled_for_the_eye);
+        }
+        text += "\n";
+        if self.beyond_grey > 0 {
+            text += &format!(
+                "{} pixels are darker than black or brighter than white, and cut\n",
+                self.beyond_grey
+            );
         }
         if let Some(reference) = &self.reference {
             let psnr =

@@ -27,7 +27,7 @@ pub fn run(workbench: &Workbench, arguments: &BatchArguments) -> Result<(), Comm
     let usual = || PathBuf::from("out").join("batches").join(batch.name());
     let out = arguments.out.clone().unwrap_or_else(usual);
     let options = BatchOptions { threads: arguments.threads, force: arguments.force };
-    let bar = ProgressDisplay::of_large_units();
+    let bar = ProgressDisplay::default();
     let outcome = batch.run(&recordings, &out, options, &bar).map_err(ending)?;
     drop(bar);
     target::tell_of(&outcome.committed);

@@ -18,7 +18,7 @@ pub fn run(workbench: &Workbench, arguments: &DiagnoseArguments) -> Result<(), C
         tell!("{noise}");
     }
     let beside = BesideExperiment::of(arguments.write.as_deref(), &arguments.experiment, arguments.force)?;
-    let bar = ProgressDisplay::of_large_units();
+    let bar = ProgressDisplay::default();
     let effort = if arguments.thorough { DiagnosisEffort::Thorough } else { DiagnosisEffort::Usual };
     let found = diagnose_with(workbench, &experiment, (arguments.filter.as_deref(), effort), &bar)
         .map_err(|e| if e.is_interruption() { CommandEnding::Interrupted } else { wrong(&e) })?;

@@ -22,7 +22,7 @@ pub fn run(workbench: &Workbench, arguments: &StudyArguments) -> Result<(), Comm
     let whole = arguments.shard.is_whole();
     let output = whole.then(|| target::begin(Some(&out), &[], &work)).transpose()?;
     let options = StudyOptions { shard: arguments.shard, threads: arguments.threads, force: arguments.force };
-    let bar = ProgressDisplay::of_large_units();
+    let bar = ProgressDisplay::default();
     let progressed = plan.run_all(&out, options, &bar).map_err(ending)?;
     drop(bar);
     let journal = progressed.journal.display();

@@ -12,9 +12,13 @@ impl TerminalBar {
             return None;
         }
         let bar = ProgressBar::new(total).with_message(crate::tell::visible(what).into_owned());
-        if let Ok(style) = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} %  {eta} left") {
+        // Within 80 columns. Without a number of units there is no share, and no remaining time.
+        let template =
+            if total > 0 { "{msg:30!} {bar:27} {percent:>3} %  {eta} left" } else { "{msg:30!} for {elapsed}" };
+        if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
+        bar.tick();
         Some(Self(bar))
     }
 

@@ -335,7 +335,7 @@ fn a_number_of_the_device_is_stated_by_the_end_of_its_key() {
 }
 
 /// What a command prints on a terminal of its own, with these answers; `script` of util-linux makes one. `None` where there is none.
-fn on_a_terminal(arguments: &str, answers: &str, folder: &Path) -> Option<(bool, String)> {
+pub(super) fn on_a_terminal(arguments: &str, answers: &str, folder: &Path) -> Option<(bool, String)> {
     let command = format!("{} {arguments}", env!("CARGO_BIN_EXE_kalmems").replace(' ', "\\ "));
     let script = Command::new("script")
         .current_dir(folder)

@@ -52,7 +52,9 @@ fn each_filter_that_fails_has_one_paragraph_and_the_report_has_all() {
     );
     assert!(hints.contains("kalmems diagnose examples/micro_stage/experiment.toml"), "{hints}");
     let report = std::fs::read_to_string(folder.path().join("report.html")).unwrap();
-    assert!(report.matches("<b>Failure</b>").count() >= 20);
+    // One box for all failures, with each of them in a fold.
+    assert_eq!(report.matches("<b>Failure</b>").count(), 1);
+    assert!(report.matches("<div class=\"notice failure\">").count() >= 20);
 }
 
 #[test]
@@ -228,4 +230,42 @@ fn a_start_of_a_simulation_is_asked_for_without_the_states_of_another_device() {
     let said = text(&run(&["simulate", &file]).stderr);
     assert!(said.contains("add the table `[simulate.start]` with a value for each name"), "{said}");
     assert!(said.contains("`kalmems help device NAME` lists") && !said.contains("angle"), "{said}");
+}
+
+#[test]
+fn without_a_reference_nothing_speaks_of_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let example = root().join("examples/shared_scanner");
+    std::fs::copy(example.join("recording.csv"), folder.path().join("recording.csv")).unwrap();
+    let file = std::fs::read_to_string(example.join("experiment.toml")).unwrap();
+    let (before, after) = file.split_once("[recording.reference]").unwrap();
+    let (_, after) = after.split_once("\n[").unwrap();
+    let experiment = folder.path().join("experiment.toml");
+    std::fs::write(&experiment, format!("{before}[{after}")).unwrap();
+    let (said, _) = estimated(experiment.to_str().unwrap(), &folder.path().join("out"));
+    assert!(!said.contains("RMSE") && said.contains("mean NIS"), "{said}");
+    let page = std::fs::read_to_string(folder.path().join("out/report.html")).unwrap();
+    assert!(!page.contains("and the reference.") && !page.contains("largest angle error"));
+    let metrics = std::fs::read_to_string(folder.path().join("out/metrics.json")).unwrap();
+    let metrics: serde_json::Value = serde_json::from_str(&metrics).unwrap();
+    let answer = metrics["answer"][0].as_str().unwrap();
+    assert_eq!(said.lines().next(), Some(answer));
+    assert!(page.contains(answer), "{answer}");
+}
+
+#[cfg(unix)]
+#[test]
+fn long_work_shows_its_stage_on_a_terminal_of_80_columns() {
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = root().join("examples/vibrating_gyroscope/experiment.toml");
+    let arguments = format!("estimate {} --out out", experiment.display());
+    let Some((succeeded, said)) = super::new::on_a_terminal(&arguments, "", folder.path()) else { return };
+    assert!(succeeded, "{said}");
+    let drawn: Vec<&str> = said.split(['\r', '\n']).filter(|line| line.contains(" left")).collect();
+    assert!(!drawn.is_empty(), "{said}");
+    for line in drawn {
+        let seen = line.split('\u{1b}').map(|part| part.split_once(['m', 'K', 'A']).map_or(part, |(_, seen)| seen));
+        let seen: String = seen.collect();
+        assert!(seen.chars().count() <= 80, "{seen}");
+    }
 }

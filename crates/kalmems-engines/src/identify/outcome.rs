@@ -10,6 +10,9 @@ use serde::Serialize;
 pub struct Identified {
     /// In words, such as `stiffness k`.
     pub name: String,
+    /// What the experiment states, in SI; `None` of what it has no key for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stated: Option<f64>,
     /// In SI.
     pub value: f64,
     /// In SI; infinite where the recording does not determine it.
@@ -33,6 +36,7 @@ impl Identified {
         let half = TWO_SIDED * found.deviation;
         Self {
             name: name.to_owned(),
+            stated: None,
             value: found.value,
             standard_error: found.deviation,
             interval: [found.value - half, found.value + half],

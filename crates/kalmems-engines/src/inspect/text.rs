@@ -21,6 +21,7 @@ const LABEL: usize = 14;
 pub(super) fn render(inspection: &Inspection) -> String {
     let mut text = String::new();
     let source = &inspection.source;
+    let _ = writeln!(text, "{}", answer(inspection));
     let _ = writeln!(text, "{}: {} rows, {} bytes", source.file, inspection.rows, source.bytes);
     let _ = writeln!(text, "SHA-256 {}", source.sha256);
     for sentence in &inspection.recognised {
@@ -32,6 +33,39 @@ pub(super) fn render(inspection: &Inspection) -> String {
     diagnosis(&mut text, inspection);
     plots(&mut text, inspection);
     text
+}
+
+/// Lines of a spectrum that the answer names.
+const NAMED: usize = 3;
+
+/// Whether the file can be used, and what it holds, in one sentence.
+fn answer(inspection: &Inspection) -> String {
+    let file = &inspection.source.file;
+    if !inspection.is_usable() {
+        let fatal = inspection.diagnosis.iter().find(|finding| finding.severity() != Severity::Note);
+        let why = fatal.map_or_else(String::new, |finding| format!(": {finding}"));
+        return format!("{file} cannot be used as a recording{why}");
+    }
+    let mut text = format!("{file} can be used: {} rows", inspection.rows);
+    if let [segment] = inspection.segments.as_slice()
+        && let (Some(rate), true) = (segment.rate_hz, segment.uniform)
+    {
+        text += &format!(" at {}", quantity(rate, "Hz"));
+    }
+    let largest = |channel: &InspectedChannel| {
+        let lines = channel.spectrum.as_ref()?.lines.iter();
+        let line = lines.max_by(|a, b| a.amplitude.total_cmp(&b.amplitude))?;
+        Some(format!("`{}` at {}", channel.column, quantity(line.frequency, inspection.frequency_unit)))
+    };
+    let lines: Vec<String> = inspection.channels.iter().filter_map(largest).take(NAMED).collect();
+    if !lines.is_empty() {
+        text += &format!("; strongest lines: {}", lines.join(", "));
+    }
+    match inspection.diagnosis.len() {
+        0 => text,
+        1 => text + "; one remark below",
+        several => format!("{text}; {several} remarks below"),
+    }
 }
 
 fn segments(text: &mut String, inspection: &Inspection) {

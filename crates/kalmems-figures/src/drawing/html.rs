@@ -52,7 +52,8 @@ impl Page {
             .map(|(index, section)| {
                 let blocks: Vec<Value> =
                     section.blocks.iter().map(|block| numbers.block(section, block)).collect();
-                context! { title => section.title.as_str(), anchor => format!("section-{}", index + 1), blocks => blocks }
+                let anchor = format!("section-{}", index + 1);
+                context! { title => section.title.as_str(), anchor, is_folded => section.is_folded, blocks }
             })
             .collect();
         let named: Vec<&Explanation> = self
@@ -107,6 +108,15 @@ impl NoticeSeverity {
             Self::Failure => "failure",
         }
     }
+
+    fn word(self) -> &'static str {
+        match self {
+            Self::Ok => "OK",
+            Self::Note => "Note",
+            Self::Warning => "Warning",
+            Self::Failure => "Failure",
+        }
+    }
 }
 
 impl PageSection {
@@ -115,7 +125,10 @@ impl PageSection {
         let code = format!("`{code}`");
         self.blocks.iter().any(|block| match block {
             PageBlock::Paragraph(text) | PageBlock::Notice { text, .. } => text.contains(&code),
-            PageBlock::Notes(notes) => notes.iter().any(|note| note.contains(&code)),
+            PageBlock::Findings { texts, .. } | PageBlock::List(texts) => {
+                texts.iter().any(|text| text.contains(&code))
+            }
+            PageBlock::Folded { notices, .. } => notices.iter().any(|(_, text)| text.contains(&code)),
             PageBlock::KeyValues(pairs) => pairs.iter().any(|(_, value)| value.contains(&code)),
             _ => false,
         })
@@ -164,9 +177,19 @@ impl PageNumbering {
         match block {
             PageBlock::Paragraph(text) => context! { kind => "paragraph", text => with_code(text) },
             PageBlock::Notice { severity, text } => self.notice(section.part, *severity, text),
-            PageBlock::Notes(notes) => {
-                let notes: Vec<Value> = notes.iter().map(|note| with_code(note)).collect();
-                context! { kind => "notes", notes }
+            PageBlock::Findings { severity, texts } => {
+                let texts: Vec<Value> = texts.iter().map(|text| with_code(text)).collect();
+                context! { kind => "findings", severity => severity.class(), word => severity.word(), texts }
+            }
+            PageBlock::List(items) => {
+                let items: Vec<Value> = items.iter().map(|item| with_code(item)).collect();
+                context! { kind => "list", items }
+            }
+            PageBlock::Folded { summary, notices } => {
+                let notices: Vec<Value> = (notices.iter())
+                    .map(|(severity, text)| context! { severity => severity.class(), text => with_code(text) })
+                    .collect();
+                context! { kind => "folded", summary, notices }
             }
             PageBlock::KeyValues(pairs) => {
                 let pairs: Vec<[Value; 2]> =
@@ -199,12 +222,7 @@ impl PageNumbering {
     }
 
     fn notice(&mut self, part: PagePart, severity: NoticeSeverity, text: &str) -> Value {
-        let word = match severity {
-            NoticeSeverity::Ok => "OK",
-            NoticeSeverity::Note => "Note",
-            NoticeSeverity::Warning => "Warning",
-            NoticeSeverity::Failure => "Failure",
-        };
+        let word = severity.word();
         let mut anchor = None;
         // The verdict stands at the top itself.
         if severity >= NoticeSeverity::Warning && part != PagePart::Verdict {

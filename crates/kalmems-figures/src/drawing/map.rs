@@ -31,8 +31,7 @@ impl ColourBar {
             _ => None,
         })?;
         let range = range(grid)?;
-        let axis = Axis { scale: AxisScale::Linear, ..grid.colours.clone() };
-        let ticks = Ticks::new(&axis, range, (height / 28.0).floor());
+        let ticks = ticks(&grid.colours, range, (height / 28.0).floor());
         let widest = ticks.major.iter().map(|tick| ruler.width(&tick.label, TICK_SIZE)).fold(0.0, f64::max);
         Some(Self { range, level: grid.level, ticks, widest })
     }
@@ -81,6 +80,17 @@ impl ColourBar {
 
 fn label(at: [f64; 2], text: &str, size: f64, anchor: Anchor) -> SceneMark {
     SceneMark::Text { at, text: text.to_owned(), size, colour: INK, anchor, turned: false }
+}
+
+/// The marks of a colour bar: on a logarithmic one the values, whose logarithms are the cells.
+fn ticks(colours: &Axis, range: Range, count: f64) -> Ticks {
+    if colours.scale == AxisScale::Linear {
+        return Ticks::new(colours, range, count);
+    }
+    let [low, high] = [range.low, range.high].map(|end| libm::pow(10.0, end));
+    let mut ticks = Ticks::new(colours, Range { scale: AxisScale::Log, low, high }, count);
+    ticks.major.iter_mut().for_each(|tick| tick.at = libm::log10(tick.at));
+    ticks
 }
 
 /// From the lowest to the highest value.

@@ -1066,6 +1066,20 @@
       }
     }
   });
+  // A link to a part unfolds it, and paper has all parts.
+  const parts = [...document.querySelectorAll("details.part")];
+  const unfold = () => {
+    const target = location.hash && document.getElementById(location.hash.slice(1));
+    parts.filter((part) => target && (target.contains(part) || part.contains(target))).forEach((part) => { part.open = true; });
+  };
+  addEventListener("hashchange", unfold);
+  unfold();
+  let folded = [];
+  addEventListener("beforeprint", () => {
+    folded = parts.filter((part) => !part.open);
+    folded.forEach((part) => { part.open = true; });
+  });
+  addEventListener("afterprint", () => folded.forEach((part) => { part.open = false; }));
   // For those who look into a page by program.
   window.figures = { shown, all: () => holders.forEach(begin) };
 })();

@@ -153,7 +153,8 @@ impl QuantityAnswer {
             unit => shown(unit),
         };
         let unit = unit.replace("_per_", "/").replace('_', " ");
-        let shown = |value: f64| quantity(value * factor, &unit);
+        let sd = self.known_to.map(|sd| sd * factor);
+        let shown = |value: f64| quantity(to_the_last_digit(value * factor, sd), &unit);
         let motion = match self.motion {
             AnsweredMotion::Oscillation { mean, amplitude, frequency_hz, after_drive_deg } => {
                 let mut text = format!("amplitude {} at {}", shown(amplitude), quantity(frequency_hz, "Hz"));
@@ -169,10 +170,10 @@ impl QuantityAnswer {
                 format!("{} on average, from {} to {}", shown(mean), shown(lowest), shown(highest))
             }
         };
-        let known = self.known_to.map_or_else(
+        let known = sd.map_or_else(
             || format!(" ({filter}: {grade})"),
             |sd| {
-                let sd = quantity(two_digits(sd * factor), &unit);
+                let sd = quantity(two_digits(sd), &unit);
                 format!(", ± {sd} (one standard deviation, claimed by {filter}: {grade})")
             },
         );
@@ -231,6 +232,14 @@ fn after_drive_deg(peaks: impl Fn() -> Vec<Extreme>, motion_hz: f64, drive: &Sin
     mean_phase_shift(&peaks, ComparisonExtent { from_s: f64::NEG_INFINITY, motion_hz, drive: Some(drive) })
 }
 
+/// A value to the second digit of its standard deviation: further ones say nothing.
+fn to_the_last_digit(value: f64, sd: Option<f64>) -> f64 {
+    let Some(sd) = sd.filter(|sd| *sd > 0.0 && sd.is_finite()) else { return value };
+    let exponent = format!("{sd:.1e}").rsplit('e').next().and_then(|text| text.parse::<i32>().ok());
+    let step = exponent.and_then(|exponent| format!("1e{}", exponent - 1).parse::<f64>().ok());
+    step.map_or(value, |step| (value / step).round() * step)
+}
+
 fn two_digits(value: f64) -> f64 {
     format!("{value:.1e}").parse().unwrap_or(value)
 }
@@ -239,7 +248,7 @@ fn two_digits(value: f64) -> f64 {
 const SAID: usize = 4;
 
 /// The answers of a result, a sentence each, of the filter of each segment that comes first by its grade; where there are many segments, of the first.
-pub fn answers(metrics: &Metrics) -> Vec<String> {
+pub(super) fn answers(metrics: &Metrics) -> Vec<String> {
     let segments =
         || metrics.recordings.iter().flat_map(|one| one.segments.iter().map(move |segment| (one, segment)));
     let count = segments().count();
@@ -264,7 +273,7 @@ pub fn answers(metrics: &Metrics) -> Vec<String> {
 pub fn summary_text(metrics: &Metrics, with_durations: bool) -> String {
     let tables =
         [Some(summary_table(metrics, with_durations)), parameters_table(metrics), budget_table(metrics)];
-    let answers = answers(metrics).join("\n");
+    let answers = metrics.answer.join("\n");
     let answers = (!answers.is_empty()).then(|| answers + "\n");
     let tables = tables.into_iter().flatten().map(|table| table.to_text());
     answers.into_iter().chain(tables).collect::<Vec<String>>().join("\n")
@@ -327,6 +336,9 @@ mod tests {
             "angle: amplitude 7.162 deg at 1 kHz, peaks 355.0° of its cycle after those of the drive, ± 0.099 deg (one standard deviation, \
              claimed by EKF: passes)"
         );
+        let alone = |value: f64, sd: f64| to_the_last_digit(value, Some(sd));
+        assert!((alone(-137.284, 14.2) + 137.0).abs() < 1e-9 && (alone(0.033079, 0.1) - 0.03).abs() < 1e-12);
+        assert!((alone(8.91994, 0.00996) - 8.9199).abs() < 1e-9 && alone(1.0 / 3.0, 0.0) == 1.0 / 3.0);
         // 75 % with 1e-3, 25 % with 3e-3: √(0.75 + 2.25)·1e-3.
         assert!((own.known_to.unwrap() - 3_f64.sqrt() * 1e-3).abs() < 1e-12);
     }

@@ -12,13 +12,7 @@ use std::fmt::Write as _;
 impl Diagnosis {
     /// What was found, what to write, and what the signal cannot tell, for a terminal.
     pub fn to_text(&self) -> String {
-        let mut text = format!(
-            "{}, filter `{}`, by {} rows ({} s) of its recordings\n\n",
-            self.experiment,
-            self.filter,
-            self.rows,
-            significant(self.duration_s)
-        );
+        let mut text = self.answer().map_or_else(String::new, |answer| answer + "\n\n");
         text += &match self.finding {
             DiagnosisFinding::NothingToChange => {
                 "nothing to change: the innovations pass all tests, so that the recording does not contradict the experiment\n"
@@ -41,7 +35,24 @@ impl Diagnosis {
         for unseen in &self.unseen {
             text += &format!("\nnote: {unseen}\n");
         }
+        let Self { experiment, filter, rows, .. } = self;
+        let long_s = significant(self.duration_s);
+        text += &format!("\n{experiment}, filter `{filter}`: {rows} rows ({long_s} s) of its recordings\n");
         text
+    }
+
+    /// The answer in one sentence: the causes that explain the recording, the first line to write, and what that changes.
+    pub fn answer(&self) -> Option<String> {
+        let first = self.causes.first()?;
+        let names: Vec<&str> = self.causes.iter().map(|cause| cause.name.as_str()).collect();
+        let mut text = format!("cause: {}", names.join(", or "));
+        if let Some(Edit { key, to, .. }) = first.edits.first() {
+            text += &format!("; write `{key} = {to}`");
+        }
+        if let Some(answer) = &first.answer {
+            text += &format!(", which {}", effect(answer, first.answer_name, first.answer_unit));
+        }
+        Some(text)
     }
 
     fn explained(&self) -> String {
@@ -317,7 +328,8 @@ fn page(found: &Diagnosis) -> Page {
             ),
         ),
     };
-    let verdict = PageSection::new("Verdict").part(PagePart::Verdict).notice(severity, text);
+    let verdict = PageSection::new("Verdict").part(PagePart::Verdict);
+    let verdict = found.answer().into_iter().fold(verdict, PageSection::paragraph).notice(severity, text);
     let (causes, title) = if found.causes.is_empty() {
         (&found.closest, "What explains most, and not all")
     } else {

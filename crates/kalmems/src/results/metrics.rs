@@ -1,5 +1,6 @@
 //! The figures of an estimate.
 
+use super::answer::answers;
 use super::{QuantityAnswer, Verdict};
 use crate::diagnose::{FoundNoise, InputFault, NumberCheck, ScaleNote};
 use crate::estimate::{
@@ -25,6 +26,8 @@ pub struct Metrics {
     pub experiment: String,
     /// The rig's.
     pub rig: &'static str,
+    /// The answers, a sentence each, as a run prints them first.
+    pub answer: Vec<String>,
     /// What the device tells that is no angle; the first is what it is for.
     #[serde(skip)]
     pub values: &'static [ValueState],
@@ -398,10 +401,11 @@ impl Metrics {
             stretches: recording.stretches.clone(),
             segments: recording.segments.iter().map(|one| segment(one, recording.values)).collect(),
         });
-        Self {
+        let metrics = Self {
             schema_version: Self::SCHEMA_VERSION,
             experiment: outcome.experiment.name.to_string(),
             rig: outcome.rig,
+            answer: Vec::new(),
             values: outcome.recordings.first().map_or(&[], |recording| recording.values),
             held_as_exact: outcome.experiment.held_as_exact(),
             scale_notes: Vec::new(),
@@ -409,7 +413,14 @@ impl Metrics {
             input_fault: None,
             noise_from_recording: Vec::new(),
             recordings: recordings.collect(),
-        }
+        };
+        metrics.answered()
+    }
+
+    /// The same with the answers of the filters as they are graded now.
+    fn answered(mut self) -> Self {
+        self.answer = answers(&self);
+        self
     }
 
     /// The names of the filters in whose innovations no test finds anything in a recording.
@@ -434,7 +445,7 @@ impl Metrics {
             }
             segment.likeliest = likeliest(&segment.estimators);
         }
-        self
+        self.answered()
     }
 
     /// The same with noises that were found from the recording.

@@ -16,7 +16,7 @@ mod tracks;
 mod trajectories;
 mod verdict;
 
-pub use answer::{AnsweredMotion, QuantityAnswer, answers, summary_text};
+pub use answer::{AnsweredMotion, QuantityAnswer, summary_text};
 #[cfg(feature = "report")]
 pub use diagnosis::diagnosis_page;
 pub use in_memory::{Estimated, number_check, number_check_of};

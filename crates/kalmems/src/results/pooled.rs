@@ -77,6 +77,7 @@ impl PooledMetrics {
             schema_version: Metrics::SCHEMA_VERSION,
             experiment: experiment.name.to_string(),
             rig: rig.name(),
+            answer: Vec::new(),
             values: rig.values(experiment),
             held_as_exact: experiment.held_as_exact(),
             scale_notes: Vec::new(),

@@ -1,7 +1,7 @@
 //! The figures as a table, and the sentences that must not be missed.
 
 use super::verdict::angles_of;
-use super::{EstimatorMetrics, FilterSelection, Metrics, SegmentMetrics, Verdict};
+use super::{EstimatorMetrics, FilterSelection, Metrics, RecordingMetrics, SegmentMetrics, Verdict};
 use crate::estimate::{LockEvent, NisConsistency, ParameterCorrelation, SkippedStretch, TrajectoryKind};
 use crate::evaluate::{
     Claim, DeviceUncertainty, ErrorDecomposition, Grade, MotionErrors, ParameterAnswer, PartErrors,
@@ -80,7 +80,10 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> TextTable {
     }
     columns.push(ColumnHead::text("estimator"));
     let value = value_column(metrics);
+    // Without a reference there are no errors.
+    let is_compared = metrics.estimators().any(|e| e.errors.is_some() || !e.values.is_empty());
     match &value {
+        _ if !is_compared => {}
         Some(value) => {
             let unit = &value.unit;
             columns.extend([
@@ -103,7 +106,7 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> TextTable {
     }
     columns.extend([
         ColumnHead::number("mean NIS", ""),
-        ColumnHead::text("95 % interval"),
+        ColumnHead::text("95 % expected"),
         ColumnHead::text("verdict"),
     ]);
     if with_durations {
@@ -115,7 +118,8 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> TextTable {
             for estimator in &segment.estimators {
                 let name = several.then(|| segment_name(&recording.name, segment));
                 let duration = with_durations.then(|| per_step(estimator.seconds_per_step));
-                table.push(name.clone().into_iter().chain(row(estimator, value.as_ref())).chain(duration));
+                let own = row(estimator, is_compared.then_some(value.as_ref()));
+                table.push(name.clone().into_iter().chain(own).chain(duration));
                 for part in estimator.errors.iter().flat_map(|e| &e.parts) {
                     let duration = with_durations.then(String::new);
                     table.push(name.clone().into_iter().chain(row_of_part(part)).chain(duration));
@@ -225,7 +229,8 @@ pub(super) fn shown(si: &'static str) -> (&'static str, f64) {
     }
 }
 
-fn row(estimator: &EstimatorMetrics, value: Option<&SummaryValueColumn>) -> Vec<String> {
+/// The row of an estimator; `compared` is `None` if nothing was compared with a reference, else the quantity that was, or `None` for angles.
+fn row(estimator: &EstimatorMetrics, compared: Option<Option<&SummaryValueColumn>>) -> Vec<String> {
     let consistency = estimator.consistency.as_ref();
     let errors = estimator.errors.as_ref();
     let name = match errors {
@@ -233,9 +238,10 @@ fn row(estimator: &EstimatorMetrics, value: Option<&SummaryValueColumn>) -> Vec<
         _ => estimator.name.clone(),
     };
     let mut cells = vec![name];
-    match value {
-        Some(value) => cells.extend(value_figures(estimator, value)),
-        None => cells.extend(figures(errors)),
+    match compared {
+        None => {}
+        Some(Some(value)) => cells.extend(value_figures(estimator, value)),
+        Some(None) => cells.extend(figures(errors)),
     }
     cells.extend([
         consistency.map_or_else(|| "–".to_owned(), |c| nis(c.mean_nis)),
@@ -644,15 +650,24 @@ pub fn parameters_table(metrics: &Metrics) -> Option<TextTable> {
 
 /// What the claims of what the device is for are due to; `None` where nothing of the device is stated as uncertain.
 pub fn budget_table(metrics: &Metrics) -> Option<TextTable> {
+    let segments = || {
+        let named = |recording: &'_ RecordingMetrics, segment: &'_ SegmentMetrics| segment_name(&recording.name, segment);
+        metrics.recordings.iter().flat_map(move |one| one.segments.iter().map(move |own| (named(one, own), own)))
+    };
+    let has_several = segments().nth(1).is_some();
     let words = ["estimator", "claimed of", "due to"].map(ColumnHead::text);
     let numbers = [
         ColumnHead::text("sd"),
         ColumnHead::number("of the variance", "%"),
         ColumnHead::text("the recording tells it to"),
     ];
-    let mut table =
-        TextTable::new("What the claimed uncertainty is due to", words.into_iter().chain(numbers));
-    for estimator in metrics.estimators() {
+    let segment = has_several.then(|| ColumnHead::text("segment"));
+    let mut table = TextTable::new(
+        "What the claimed uncertainty is due to",
+        segment.into_iter().chain(words).chain(numbers),
+    );
+    let estimators = segments().flat_map(|(name, own)| own.estimators.iter().map(move |one| (name.clone(), one)));
+    for (segment, estimator) in estimators {
         let of_interest = metrics.values.first().map(|value| value.name);
         let budgets = &estimator.uncertainty_budget;
         let named = budgets.iter().find(|budget| Some(budget.state) == of_interest);
@@ -667,14 +682,15 @@ pub fn budget_table(metrics: &Metrics) -> Option<TextTable> {
             budget.device.iter().map(|number| (format!("`{}`", number.name), number.sd, told(number)));
         for (place, (due, sd, told)) in std::iter::once(own).chain(device).enumerate() {
             let first = |text: &str| if place == 0 { text.to_owned() } else { String::new() };
-            table.push([
+            let own = [
                 first(&estimator.name),
                 first(budget.state),
                 due,
                 format!("{} {unit}", significant(sd * factor)),
                 significant(100.0 * (sd / budget.sd).powi(2)),
                 told,
-            ]);
+            ];
+            table.push(has_several.then(|| first(&segment)).into_iter().chain(own));
         }
     }
     (!table.rows.is_empty()).then_some(table)

@@ -56,12 +56,7 @@ pub(super) fn panels(runs: &StudyRuns, column: usize, map: &StudyMap) -> Result<
             }
         }
     }
-    let mut colours = map.value.clone();
-    if colours.scale == AxisScale::Log {
-        let unit = kalmems_figures::unit_sign(&colours.unit);
-        let unit = if unit.is_empty() { String::new() } else { format!(" / {unit}") };
-        colours = kalmems_figures::Axis::new(format!("log10({}{unit})", colours.label), "");
-    }
+    let colours = &map.value;
     maps.retain(|_, of_group| of_group.values.iter().flatten().any(|value| value.is_finite()));
     let panels = maps.into_iter().map(|(group, GroupMap { values, links, lost })| {
         let lowest = values.iter().flatten().copied().fold(f64::NAN, f64::min);

@@ -17,7 +17,7 @@ struct Thirty {
 
 impl Progress for Thirty {
     fn begin(&self, what: &str, _: u64) {
-        self.searches.set(self.searches.get() || what == "likelihood");
+        self.searches.set(self.searches.get() || what == "searching the likeliest numbers");
     }
 
     fn reached(&self, _: u64) -> ControlFlow<()> {

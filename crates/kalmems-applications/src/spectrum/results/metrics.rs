@@ -69,7 +69,7 @@ pub struct LineMetrics {
     pub asked_per_cm: f64,
     /// Where it is, in 1/cm; none where there is no line.
     pub found_per_cm: Option<f64>,
-    /// The standard error of that by the scatter of the scans.
+    /// The standard error of that according to the scatter of the scans, which is one entry of the budget.
     pub found_sd_per_cm: Option<f64>,
     /// How high it is, in the unit of the spectrum.
     pub height: Option<f64>,
@@ -235,8 +235,8 @@ impl LineMetrics {
             return format!("line near {} 1/cm: there is none\n", self.asked_per_cm);
         };
         let mut text = format!("line {found:.4}");
-        if let Some(sd) = self.found_sd_per_cm {
-            text += &format!(" ± {}", significant(sd));
+        if self.total_sd_per_cm > 0.0 {
+            text += &format!(" ± {:.4}", self.total_sd_per_cm);
         }
         text += " 1/cm";
         if let Some(height) = self.height {
@@ -258,7 +258,7 @@ impl LineMetrics {
         for entry in &self.budget {
             text += &format!("  {:<28}", entry.of);
             if entry.shift_per_cm != 0.0 {
-                text += &format!(" shift {:+.4} 1/cm", entry.shift_per_cm);
+                text += &format!(" shifts it by {:+.4} 1/cm, which is not corrected", entry.shift_per_cm);
             }
             if entry.sd_per_cm != 0.0 {
                 text += &format!(" ± {} 1/cm", significant(entry.sd_per_cm));
@@ -275,7 +275,8 @@ impl LineMetrics {
 impl SpectrumMetrics {
     /// For a reader.
     pub fn to_text(&self) -> String {
-        let mut text = format!("{} scans, {} of them forward", self.scans, self.forward_scans);
+        let mut text: String = self.lines.iter().map(LineMetrics::to_text).collect();
+        text += &format!("{} scans, {} of them forward", self.scans, self.forward_scans);
         if let Some(counts) = &self.samples {
             text += &format!(
                 "; {} of {} samples used, in gaps of the trajectory {}, before or after it {}, without value {}; passes \
@@ -322,9 +323,6 @@ impl SpectrumMetrics {
         }
         for noise in &self.noise {
             text += &format!("noise of {} scans: {:.3e}\n", noise.scans, noise.noise);
-        }
-        for line in &self.lines {
-            text += &line.to_text();
         }
         if let Some(recalibration) = &self.recalibration {
             text += &format!("true distances are {:.8}", recalibration.scale);

@@ -71,7 +71,7 @@ fn sentence(line: &LineMetrics) -> String {
     let Some(found) = line.found_per_cm else {
         return format!("Near {} 1/cm there is no line{}.", line.asked_per_cm, link("applications"));
     };
-    let sd = line.found_sd_per_cm.map_or_else(String::new, |sd| format!(" ± {sd:.4}"));
+    let sd = if line.total_sd_per_cm > 0.0 { format!(" ± {:.4}", line.total_sd_per_cm) } else { String::new() };
     let known = line
         .from_known_per_cm
         .map_or_else(String::new, |off| format!(", {off:+.4} 1/cm from where it is known to be"));
@@ -83,7 +83,7 @@ fn budgets(metrics: &SpectrumMetrics) -> Option<TextTable> {
     let columns = [
         ColumnHead::text("line"),
         ColumnHead::text("due to"),
-        ColumnHead::number("shift", "1/cm"),
+        ColumnHead::number("shift, not corrected", "1/cm"),
         ColumnHead::number("sd", "1/cm"),
         ColumnHead::number("leaves of the height", ""),
     ];

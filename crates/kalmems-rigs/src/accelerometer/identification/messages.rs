@@ -36,6 +36,7 @@ pub fn of(
             if relative.is_finite() { outcome.ends[index] } else { [f64::NEG_INFINITY, f64::INFINITY] };
         identification.parameters.push(Identified {
             name: name.to_owned(),
+            stated: None,
             value,
             standard_error: value * relative,
             interval: ends.map(|end| value * Scalar::exp(end)),

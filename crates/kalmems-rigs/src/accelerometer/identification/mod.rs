@@ -118,7 +118,7 @@ pub fn identify(experiment: &Experiment, progress: &dyn Progress) -> Result<Iden
         LikelihoodSearchError::Interrupted => IdentifyError::Interrupted,
         why @ LikelihoodSearchError::Likelihood(_) => unfit(why.to_string()),
     };
-    progress.begin("likelihood", 0);
+    progress.begin("searching the likeliest numbers", 0);
     let found = search(&likelihood, progress).map_err(refused)?;
     let visibility = visibility(&likelihood, &found.logs)
         .map_err(|why| unfit(LikelihoodSearchError::from(why).to_string()))?;

@@ -319,6 +319,7 @@ pub fn still(found: &mut Identification, material: &Material, fitted: &StillNois
     let place = &material.name;
     found.parameters.push(Identified {
         name: "noise variance R".to_owned(),
+        stated: None,
         value: fitted.variance,
         standard_error: fitted.variance_deviation,
         interval: fitted.interval,

@@ -43,7 +43,7 @@ pub(super) fn confirmed(
     if found.parameters.is_empty() || stated.estimate.is_none() {
         return Ok(found);
     }
-    progress.begin("whether the estimate gains", 0);
+    progress.begin("trying the found numbers", 0);
     let Some(before) = bench(workbench, stated, progress)?.and_then(|bench| bench.run_unjudged(&[])) else {
         return Ok(found);
     };

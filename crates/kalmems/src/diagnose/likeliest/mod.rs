@@ -69,7 +69,7 @@ pub fn likeliest(
     let asked = suspects.len();
     let others = traded::traded(workbench, experiment, &all, &suspects);
     suspects.extend(others.into_iter().take(MOST_SIZES.saturating_sub(asked)));
-    progress.begin("likelihood", 0);
+    progress.begin("searching the likeliest numbers", 0);
     let prior = FactorPrior::of(experiment, &suspects)?;
     let sought = LikelihoodSearch { workbench, bench: &bench, base: &base, prior: &prior, progress };
     let nowhere = || IdentifyError::Unfit { recording: bench.filter_name.clone(), why: NOWHERE.to_owned() };

@@ -139,7 +139,8 @@ impl LikelihoodOutcome<'_> {
             let (sd, [below, above]) = (self.spread(index), self.ends(index));
             let unit = units::Unit::parse(if number.unit.is_empty() { "1" } else { &number.unit });
             let unit = unit.unwrap_or(units::Unit::ONE);
-            let value = number.written * unit.factor() * Scalar::exp(*size);
+            let stated = number.written * unit.factor();
+            let value = stated * Scalar::exp(*size);
             let mut interval = [-below, above].map(|by| value * Scalar::exp(by));
             // The end of a search is no value; what the innovations contradict is one that cannot be relied on.
             let is_found = sd.is_finite() || self.is_contradicted(index);
@@ -147,6 +148,7 @@ impl LikelihoodOutcome<'_> {
             interval.sort_by(f64::total_cmp);
             found.parameters.push(Identified {
                 name: suspect.name(),
+                stated: Some(stated),
                 value,
                 standard_error: (value * sd).abs(),
                 interval,

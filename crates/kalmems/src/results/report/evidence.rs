@@ -59,7 +59,7 @@ fn over_time<'a>(
         let sds = times().zip(&of.sd[scored.clone()]);
         let band = Series::band(
             "±3σ",
-            SeriesRole::Bound,
+            role(trajectory),
             sds.map(|(t, sd)| (t, -3.0 * sd * factor, 3.0 * sd * factor)),
         );
         let own = times().zip(&of.innovation[scored.clone()]).map(|(t, r)| (t, r * factor));

@@ -161,9 +161,12 @@ fn motion(
     let estimate = &segment.estimate;
     let end = estimate.segment.time.at(estimate.segment.time.len().saturating_sub(1));
     let start = end - CYCLES / estimate.motion.frequency_hz;
-    let caption = "The last cycles of the recording. Top: the recorded drive. Middle: the recorded signal and what \
-                   the filter predicted for each sample before it saw it. Bottom: the angle with three standard \
-                   deviations on each side, often too narrow to be seen here, and the reference.";
+    let and_reference = if recording.reference.is_some() { ", and the reference" } else { "" };
+    let caption = format!(
+        "The last cycles of the recording. Top: the recorded drive. Middle: the recorded signal and what the filter predicted \
+         for each sample before it saw it. Bottom: the angle with three standard deviations on each side, often too narrow to \
+         be seen here{and_reference}."
+    );
     let mut panels = Vec::new();
     let column = |name: &str| channel(&recording.recording, name, segment);
     let Some(trajectory) = shown(segment, trusted) else { return Figure::new(prefix, "", "") };
@@ -245,8 +248,7 @@ fn motion(
     };
     let caption = format!(
         "The end of the recording: the recorded input, where there is one, the recorded signal with what the filter \
-         predicted for each sample before it saw it, and the {of} with three standard deviations on each side and the \
-         reference."
+         predicted for each sample before it saw it, and the {of} with three standard deviations on each side{and_reference}."
     );
     panels.push(value_panel((recording, segment), tracks, trajectory, of, (start, end)));
     stacked(Figure::new(format!("{prefix}motion"), format!("Signal and {of}"), caption), panels)
@@ -368,7 +370,7 @@ fn angle_error(segment: &SegmentOutcome, tracks: &Tracks, prefix: &str) -> Figur
                 let sd = 3.0 * sd.to_degrees();
                 (*t, -sd, sd)
             });
-            panel = panel.with(tracks.whole(&key, BAND, Series::band("±3σ", SeriesRole::Bound, band)));
+            panel = panel.with(tracks.whole(&key, BAND, Series::band("±3σ", role(trajectory), band)));
         }
         with_lock(tracks.gaps.shaded(panel), trajectory)
     });

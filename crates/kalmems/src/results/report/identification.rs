@@ -8,7 +8,7 @@ use crate::results::{Output, ResultWriteError, way_from};
 use crate::results::{RunInfo, RunTiming};
 use crate::topics::{explained, link, topic};
 use kalmems_core::Portable;
-use kalmems_figures::{ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable};
+use kalmems_figures::{ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant};
 use serde::Serialize;
 use std::io;
 
@@ -19,6 +19,8 @@ pub struct IdentificationSummary<'a> {
     pub experiment: String,
     /// The rig's name.
     pub rig: &'a str,
+    /// What was found, a sentence for each of the first numbers.
+    pub answer: Vec<String>,
     /// What was found.
     pub parameters: &'a [Identified],
     /// What was not, and why.
@@ -37,6 +39,7 @@ impl<'a> IdentificationSummary<'a> {
         Self {
             experiment: found.experiment.name.to_string(),
             rig: found.rig,
+            answer: answer(&found.parameters),
             parameters: &found.parameters,
             undetermined: &found.undetermined,
             worst_pairs: &found.worst_pairs,
@@ -69,7 +72,11 @@ impl<'a> IdentificationSummary<'a> {
 
     /// A table of the parameters, and below it what else there is to say.
     pub fn to_text(&self) -> String {
-        let mut text = self.table().to_text();
+        let mut text = self.answer.join("\n");
+        if !text.is_empty() {
+            text += "\n\n";
+        }
+        text += &self.table().to_text();
         for pair in self.worst_pairs {
             let [a, b] = &pair.names;
             text +=
@@ -96,7 +103,8 @@ impl<'a> IdentificationSummary<'a> {
 /// The report of an identification: the page's text, which needs nothing else.
 pub fn identification_page(found: &Identification) -> Result<String, ReportError> {
     let summary = IdentificationSummary::of(found);
-    let mut verdict = PageSection::new("Verdict").part(PagePart::Verdict);
+    let verdict = PageSection::new("Verdict").part(PagePart::Verdict);
+    let mut verdict = summary.answer.iter().fold(verdict, PageSection::paragraph);
     for warning in summary.warnings {
         verdict = verdict.notice(NoticeSeverity::Warning, format!("{warning}{}", link("identified")));
     }
@@ -145,6 +153,28 @@ pub fn identification_page(found: &Identification) -> Result<String, ReportError
         .with(evidence)
         .with(made);
     explained(page).to_html()
+}
+
+/// Numbers that an identification names before its table.
+const ANSWERED: usize = 4;
+
+/// What was found, a sentence for each of the first numbers that are determined.
+fn answer(parameters: &[Identified]) -> Vec<String> {
+    let determined = || parameters.iter().filter(|p| p.standard_error.is_finite());
+    let mut all: Vec<String> = determined().take(ANSWERED).map(sentence).collect();
+    if let Some(more) = determined().count().checked_sub(ANSWERED).filter(|more| *more > 0) {
+        all.push(format!("{more} further parameters are in the table"));
+    }
+    all
+}
+
+/// The value that is stated, the one that was found, and how many standard errors lie between them.
+fn sentence(p: &Identified) -> String {
+    let [value, error, ..] = in_one_unit(p);
+    let Some(stated) = p.stated else { return format!("{}: {value} ± {error}", p.name) };
+    let [was, ..] = in_one_unit(&Identified { value: stated, ..p.clone() });
+    let apart = significant((p.value - stated).abs() / p.standard_error);
+    format!("{}: {was} stated, {value} ± {error} found, {apart} standard errors apart", p.name)
 }
 
 /// Value, standard error and both ends of the interval in the unit that fits the value, with the digits that the standard error leaves sense in.
@@ -274,6 +304,7 @@ mod tests {
     fn a_number_is_written_in_the_unit_that_fits_it_with_two_digits_of_its_error() {
         let found = |value: f64, error: f64, unit: &'static str| Identified {
             name: String::new(),
+            stated: None,
             value,
             standard_error: error,
             interval: [value - 2.0 * error, value + 2.0 * error],

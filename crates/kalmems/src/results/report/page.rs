@@ -9,8 +9,8 @@ use crate::evaluate::{InnovationTest, MotionErrors, ValueErrors};
 use crate::results::summary::{segment_name, shown, summary_grades, without_repeats};
 use crate::results::tracks::Tracks;
 use crate::results::{
-    EstimatorMetrics, Metrics, Notice, RecordingMetrics, SegmentMetrics, answers, budget_table,
-    is_unexplained, notices, parameters_table, summary_table,
+    EstimatorMetrics, Metrics, Notice, RecordingMetrics, SegmentMetrics, budget_table, is_unexplained, notices,
+    notices_in_short, parameters_table, summary_table,
 };
 use crate::topics::explained;
 use crate::workflow::{Outcome, SegmentOutcome};
@@ -44,15 +44,19 @@ pub(super) fn page_with(
 ) -> Page {
     let subtitle = experiment.description.clone().unwrap_or_default();
     let mut page = Page::new(experiment.name.to_string(), subtitle).with(verdict(metrics));
+    page = undetermined(metrics).into_iter().fold(page, Page::with);
     let none = SegmentFigures::default();
     let is_alone = metrics.recordings.iter().map(|recording| recording.segments.len()).sum::<usize>() == 1;
+    let mut is_first = true;
     for (recording, drawn) in metrics.recordings.iter().zip(drawn) {
         for (index, segment) in recording.segments.iter().enumerate() {
             let name = segment_name(&recording.name, segment);
             let drawn = drawn.get(index).unwrap_or(&none);
             let title = |what: &str| if is_alone { what.to_owned() } else { format!("{name}: {what}") };
-            let section = |what: &str, part, figures: &[Figure]| {
-                let section = PageSection::new(title(what)).part(part).of_time(&name);
+            let section = |what: &str, part: PagePart, figures: &[Figure]| {
+                // What is asked for first is the motion in the first segment.
+                let is_folded = part != PagePart::Answer || !is_first;
+                let section = PageSection::new(title(what)).part(part).of_time(&name).folded(is_folded);
                 figures.iter().cloned().fold(section, PageSection::figure)
             };
             page = page
@@ -67,15 +71,20 @@ pub(super) fn page_with(
             if !drawn.parameters.is_empty() {
                 page = page.with(section("Parameters over time", PagePart::Parameters, &drawn.parameters));
             }
+            is_first = false;
         }
     }
     page = parameters_table(metrics).into_iter().fold(page, |page, table| {
         page.with(PageSection::new("Parameters").part(PagePart::Parameters).table(table))
     });
     let toml = experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
-    let page = page
-        .with(budget(metrics))
-        .with(PageSection::new("What the numbers mean").part(PagePart::Made).paragraph(meaning(experiment, metrics)))
+    let page = (budget(metrics).into_iter().fold(page, Page::with))
+        .with(
+            PageSection::new("What the numbers mean")
+                .part(PagePart::Made)
+                .folded(true)
+                .paragraph(meaning(experiment, metrics)),
+        )
         .with(
             PageSection::new("How it was made")
                 .part(PagePart::Made)
@@ -88,29 +97,56 @@ pub(super) fn page_with(
     explained(page)
 }
 
-/// Whether the filters are to be trusted, and why.
+/// Whether the filters are to be trusted, and why: a box for each severity, with the worst that each filter shows, and all findings in a fold.
 fn verdict(metrics: &Metrics) -> PageSection {
     let (notes, reasons): (Vec<Notice>, Vec<Notice>) = without_repeats(notices(metrics))
         .into_iter()
         .partition(|notice| notice.severity == NoticeSeverity::Note);
-    let mut notes: Vec<String> = notes.iter().map(Notice::sentence).collect();
+    let notes = notes.iter().filter(|note| !is_of_the_undetermined(note));
+    let mut notes: Vec<String> = notes.map(Notice::sentence).collect();
     if is_unexplained(metrics) {
         notes.push("`kalmems diagnose` with the same experiment file looks for the cause".to_owned());
     }
     notes.push("What the verdicts mean: `kalmems help verdict`".to_owned());
     let mut section = PageSection::new("Verdict").part(PagePart::Verdict);
-    for answer in answers(metrics) {
+    for answer in &metrics.answer {
         section = section.paragraph(answer);
     }
-    for notice in reasons {
-        section = section.notice(notice.severity, notice.sentence());
+    let short = notices_in_short(metrics);
+    for severity in [NoticeSeverity::Failure, NoticeSeverity::Warning, NoticeSeverity::Ok] {
+        let own = short.iter().filter(|notice| notice.severity == severity);
+        section = section.findings(severity, own.map(Notice::sentence).collect());
     }
+    let boxed = short.iter().filter(|notice| notice.severity != NoticeSeverity::Note).count();
+    let all = format!("All {} findings, segment by segment", reasons.len());
+    let all = (boxed < reasons.len()).then_some((all, reasons));
     let table = summary_table(metrics, false).with_verdicts("verdict", summary_grades(metrics));
-    section.table(table).notes(notes)
+    let section = all.into_iter().fold(section.table(table), |section, (all, reasons)| {
+        let each = reasons.iter().map(|notice| (notice.severity, notice.sentence()));
+        section.folded_notices(all, each.collect())
+    });
+    section.notes(notes)
 }
 
-/// What the claimed uncertainty is due to, and what the signal cannot tell.
-fn budget(metrics: &Metrics) -> PageSection {
+/// Whether a note says what no estimate from this recording determines.
+fn is_of_the_undetermined(note: &Notice) -> bool {
+    ["hidden", "sign"].contains(&note.topic)
+}
+
+/// What the recording does not determine, and what no test of it shows; `None` if nothing is known of that kind.
+fn undetermined(metrics: &Metrics) -> Option<PageSection> {
+    let notices = without_repeats(notices(metrics)).into_iter();
+    let hidden = notices
+        .filter(|notice| notice.severity == NoticeSeverity::Note && is_of_the_undetermined(notice))
+        .map(|notice| notice.sentence());
+    let unseen = metrics.unseen.iter().map(|unseen| format!("no test of the innovations sees this: {unseen}"));
+    let items: Vec<String> = hidden.chain(unseen).collect();
+    let section = PageSection::new("What this recording cannot tell").part(PagePart::Verdict);
+    (!items.is_empty()).then(|| section.list(items))
+}
+
+/// What the claimed uncertainty is due to; `None` if there is no budget.
+fn budget(metrics: &Metrics) -> Option<PageSection> {
     let mut section = PageSection::new("Uncertainty").part(PagePart::Budget);
     if let Some(table) = budget_table(metrics) {
         section = section.table(table);
@@ -119,13 +155,7 @@ fn budget(metrics: &Metrics) -> PageSection {
         let text = "Held as exact, since no uncertainty is stated behind them in the device's table: ";
         section = section.paragraph(format!("{text}{}.", metrics.held_as_exact.join(", ")));
     }
-    for note in &metrics.scale_notes {
-        section = section.paragraph(format!("What the signal does not determine: {note}."));
-    }
-    for unseen in &metrics.unseen {
-        section = section.paragraph(format!("What no test of the innovations sees: {unseen}."));
-    }
-    section
+    (!section.blocks.is_empty()).then_some(section)
 }
 
 /// What the numbers of the summary are.
@@ -263,17 +293,28 @@ fn tests(segment: &SegmentMetrics) -> TextTable {
     table
 }
 
-/// A probability: two digits, with an exponent where zeros would be many.
+/// The smallest probability that the tails of the tests' distributions give in double precision.
+const SMALLEST_PROBABILITY: f64 = 1e-300;
+
+/// A probability: two digits, with an exponent if zeros would be many.
 fn probability(value: f64) -> String {
-    if value < 0.01 { format!("{value:.1e}") } else { format!("{value:.2}") }
+    match value {
+        value if value < SMALLEST_PROBABILITY => format!("< {SMALLEST_PROBABILITY:e}"),
+        value if value < 0.01 => format!("{value:.1e}"),
+        value => format!("{value:.2}"),
+    }
 }
 
-/// What the summary leaves out: a row per figure, a column per filter.
+/// What the summary leaves out: a row per quantity that a filter has, a column per filter.
 fn details(segment: &SegmentMetrics) -> TextTable {
     let names = segment.estimators.iter().map(|estimator| ColumnHead::number(&estimator.name, ""));
-    let columns = [ColumnHead::text("figure"), ColumnHead::text("unit")].into_iter().chain(names);
-    let mut table = TextTable::new("More figures", columns);
+    let columns = [ColumnHead::text("quantity"), ColumnHead::text("unit")].into_iter().chain(names);
+    let mut table = TextTable::new("More numbers", columns);
     let mut push = |name: String, unit: &str, digits: usize, values: Vec<Option<f64>>| {
+        // Without a reference there are no errors.
+        if values.iter().all(Option::is_none) {
+            return;
+        }
         let cells = values.into_iter().map(|v| v.map_or_else(|| "–".to_owned(), |v| format!("{v:.digits$}")));
         table.push([name, unit.to_owned()].into_iter().chain(cells));
     };

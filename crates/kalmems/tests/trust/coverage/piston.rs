@@ -211,6 +211,7 @@ scale_sd = {scale_sd:e}
         let sd = found.scale_sd.unwrap();
         let scale = Identified {
             name: "gain".to_owned(),
+            stated: None,
             value: found.scale,
             standard_error: sd,
             interval: [found.scale - 1.96 * sd, found.scale + 1.96 * sd],
