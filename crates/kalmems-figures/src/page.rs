@@ -250,12 +250,12 @@ impl PageSection {
 
     /// Adds sentences that are folded away; nothing if there are none.
     #[must_use]
-    pub fn folded_notices(
-        self,
-        summary: impl Into<String>,
-        notices: Vec<(NoticeSeverity, String)>,
-    ) -> Self {
-        if notices.is_empty() { self } else { self.with(PageBlock::Folded { summary: summary.into(), notices }) }
+    pub fn folded_notices(self, summary: impl Into<String>, notices: Vec<(NoticeSeverity, String)>) -> Self {
+        if notices.is_empty() {
+            self
+        } else {
+            self.with(PageBlock::Folded { summary: summary.into(), notices })
+        }
     }
 
     /// Adds names and values.

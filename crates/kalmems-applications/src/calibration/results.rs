@@ -6,8 +6,8 @@ use super::compensation_sources::{header, rust_module};
 use super::noise_yaml::noise_yaml;
 use crate::WriteError;
 use crate::calibration::{
-    AXES, AxisAtRest, CalibratedGyroscope, Calibration, CalibrationError, GyroscopeCalibration,
-    InertialSensor, QuantityUnit, RecordOutcome, ScaleFactorChange, UncertainEstimate,
+    AXES, AxisAtRest, CalibratedGyroscope, CalibratedQuantity, Calibration, CalibrationError,
+    GyroscopeCalibration, InertialSensor, QuantityUnit, RecordOutcome, ScaleFactorChange, UncertainEstimate,
 };
 use crate::config::TemperatureCurve;
 use crate::recording::RecordingSource;
@@ -101,7 +101,8 @@ impl<'a> CalibrationSummary<'a> {
     pub fn answer(&self) -> Vec<String> {
         let scales = self.results.iter().map(|result| {
             let found = &result.scale_factor;
-            let place = format!("scale factor {}, {}, {}", AXES[result.main], result.condition, result.reference);
+            let place =
+                format!("scale factor {}, {}, {}", AXES[result.main], result.condition, result.reference);
             if result.withheld.is_some() {
                 return format!("{place}: withheld");
             }
@@ -120,7 +121,11 @@ impl<'a> CalibrationSummary<'a> {
         let rests = self.rest.iter().map(|RestSummary { rest, .. }| {
             let found = rest.bias_estimate();
             let [value, expanded] = with_uncertainty(1e3 * found.value, 1e3 * found.expanded());
-            format!("bias at rest {}: {value} ± {expanded} m{} (95 %)", rest.sensor.axis(rest.axis), rest.sensor.unit())
+            format!(
+                "bias at rest {}: {value} ± {expanded} m{} (95 %)",
+                rest.sensor.axis(rest.axis),
+                rest.sensor.unit()
+            )
         });
         let mut all: Vec<String> = scales.chain(quantities).chain(rests).collect();
         if let Some(more) = all.len().checked_sub(ANSWERED).filter(|more| *more > 0) {

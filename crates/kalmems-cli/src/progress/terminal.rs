@@ -13,8 +13,11 @@ impl TerminalBar {
         }
         let bar = ProgressBar::new(total).with_message(crate::tell::visible(what).into_owned());
         // Within 80 columns. Without a number of units there is no share, and no remaining time.
-        let template =
-            if total > 0 { "{msg:30!} {bar:27} {percent:>3} %  {eta} left" } else { "{msg:30!} for {elapsed}" };
+        let template = if total > 0 {
+            "{msg:30!} {bar:27} {percent:>3} %  {eta} left"
+        } else {
+            "{msg:30!} for {elapsed}"
+        };
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }

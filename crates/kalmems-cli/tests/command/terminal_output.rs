@@ -264,7 +264,8 @@ fn long_work_shows_its_stage_on_a_terminal_of_80_columns() {
     let drawn: Vec<&str> = said.split(['\r', '\n']).filter(|line| line.contains(" left")).collect();
     assert!(!drawn.is_empty(), "{said}");
     for line in drawn {
-        let seen = line.split('\u{1b}').map(|part| part.split_once(['m', 'K', 'A']).map_or(part, |(_, seen)| seen));
+        let seen =
+            line.split('\u{1b}').map(|part| part.split_once(['m', 'K', 'A']).map_or(part, |(_, seen)| seen));
         let seen: String = seen.collect();
         assert!(seen.chars().count() <= 80, "{seen}");
     }

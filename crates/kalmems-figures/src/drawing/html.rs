@@ -187,7 +187,9 @@ impl PageNumbering {
             }
             PageBlock::Folded { summary, notices } => {
                 let notices: Vec<Value> = (notices.iter())
-                    .map(|(severity, text)| context! { severity => severity.class(), text => with_code(text) })
+                    .map(
+                        |(severity, text)| context! { severity => severity.class(), text => with_code(text) },
+                    )
                     .collect();
                 context! { kind => "folded", summary, notices }
             }

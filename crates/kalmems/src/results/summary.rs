@@ -651,8 +651,13 @@ pub fn parameters_table(metrics: &Metrics) -> Option<TextTable> {
 /// What the claims of what the device is for are due to; `None` where nothing of the device is stated as uncertain.
 pub fn budget_table(metrics: &Metrics) -> Option<TextTable> {
     let segments = || {
-        let named = |recording: &'_ RecordingMetrics, segment: &'_ SegmentMetrics| segment_name(&recording.name, segment);
-        metrics.recordings.iter().flat_map(move |one| one.segments.iter().map(move |own| (named(one, own), own)))
+        let named = |recording: &'_ RecordingMetrics, segment: &'_ SegmentMetrics| {
+            segment_name(&recording.name, segment)
+        };
+        metrics
+            .recordings
+            .iter()
+            .flat_map(move |one| one.segments.iter().map(move |own| (named(one, own), own)))
     };
     let has_several = segments().nth(1).is_some();
     let words = ["estimator", "claimed of", "due to"].map(ColumnHead::text);
@@ -666,7 +671,8 @@ pub fn budget_table(metrics: &Metrics) -> Option<TextTable> {
         "What the claimed uncertainty is due to",
         segment.into_iter().chain(words).chain(numbers),
     );
-    let estimators = segments().flat_map(|(name, own)| own.estimators.iter().map(move |one| (name.clone(), one)));
+    let estimators =
+        segments().flat_map(|(name, own)| own.estimators.iter().map(move |one| (name.clone(), one)));
     for (segment, estimator) in estimators {
         let of_interest = metrics.values.first().map(|value| value.name);
         let budgets = &estimator.uncertainty_budget;

@@ -71,7 +71,8 @@ fn sentence(line: &LineMetrics) -> String {
     let Some(found) = line.found_per_cm else {
         return format!("Near {} 1/cm there is no line{}.", line.asked_per_cm, link("applications"));
     };
-    let sd = if line.total_sd_per_cm > 0.0 { format!(" ± {:.4}", line.total_sd_per_cm) } else { String::new() };
+    let sd =
+        if line.total_sd_per_cm > 0.0 { format!(" ± {:.4}", line.total_sd_per_cm) } else { String::new() };
     let known = line
         .from_known_per_cm
         .map_or_else(String::new, |off| format!(", {off:+.4} 1/cm from where it is known to be"));

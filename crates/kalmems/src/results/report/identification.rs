@@ -8,7 +8,9 @@ use crate::results::{Output, ResultWriteError, way_from};
 use crate::results::{RunInfo, RunTiming};
 use crate::topics::{explained, link, topic};
 use kalmems_core::Portable;
-use kalmems_figures::{ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant};
+use kalmems_figures::{
+    ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant,
+};
 use serde::Serialize;
 use std::io;
 

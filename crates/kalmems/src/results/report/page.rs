@@ -9,8 +9,8 @@ use crate::evaluate::{InnovationTest, MotionErrors, ValueErrors};
 use crate::results::summary::{segment_name, shown, summary_grades, without_repeats};
 use crate::results::tracks::Tracks;
 use crate::results::{
-    EstimatorMetrics, Metrics, Notice, RecordingMetrics, SegmentMetrics, budget_table, is_unexplained, notices,
-    notices_in_short, parameters_table, summary_table,
+    EstimatorMetrics, Metrics, Notice, RecordingMetrics, SegmentMetrics, budget_table, is_unexplained,
+    notices, notices_in_short, parameters_table, summary_table,
 };
 use crate::topics::explained;
 use crate::workflow::{Outcome, SegmentOutcome};
@@ -139,7 +139,8 @@ fn undetermined(metrics: &Metrics) -> Option<PageSection> {
     let hidden = notices
         .filter(|notice| notice.severity == NoticeSeverity::Note && is_of_the_undetermined(notice))
         .map(|notice| notice.sentence());
-    let unseen = metrics.unseen.iter().map(|unseen| format!("no test of the innovations sees this: {unseen}"));
+    let unseen =
+        metrics.unseen.iter().map(|unseen| format!("no test of the innovations sees this: {unseen}"));
     let items: Vec<String> = hidden.chain(unseen).collect();
     let section = PageSection::new("What this recording cannot tell").part(PagePart::Verdict);
     (!items.is_empty()).then(|| section.list(items))
