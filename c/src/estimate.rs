@@ -69,7 +69,7 @@ impl KalmemsEstimate {
     fn of(estimated: Estimated, info: RunInfo) -> Result<Self, Failure> {
         let metrics =
             serde_json::to_string(&estimated.metrics).map_err(|error| Failure::estimation(&error))?;
-        let summary = summary_text(&estimated.metrics, false);
+        let summary = summary_text(&estimated.metrics, false, usize::MAX);
         let told = notices(&estimated.metrics).into_iter().map(|notice| owned(&notice.text)).collect();
         let mut trajectories = Vec::new();
         for (recording, of_recording) in estimated.outcome.recordings.iter().enumerate() {

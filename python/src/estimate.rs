@@ -127,7 +127,7 @@ impl Outcome {
 
     /// What the command prints: the answers, and behind them the tables.
     fn summary(&self) -> String {
-        summary_text(&self.estimated.metrics, true)
+        summary_text(&self.estimated.metrics, true, usize::MAX)
     }
 
     /// The motion and how well it is known, a sentence for each quantity.

@@ -76,9 +76,9 @@ check("the page has at most 8 MB", statSync(join(folder, "page", "kalmems.html")
   const page = await open(offline);
   const commands = [
     ["estimate", "examples/shared_scanner/experiment.toml"],
-    ["estimate", "examples/threshold_scanner/experiment.toml"],
+    ["estimate", "examples/threshold_scanner/as_published.toml"],
     ["estimate", "examples/accelerometer/experiment.toml"],
-    ["estimate", "examples/micro_stage/experiment.toml"],
+    ["estimate", "examples/micro_stage/as_published.toml"],
     ["estimate", "examples/piston_mirror/experiment.toml"],
     ["identify", "examples/shared_scanner/ring_down.toml"],
     ["simulate", "examples/shared_scanner/simulation.toml"],

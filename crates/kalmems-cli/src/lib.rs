@@ -21,6 +21,7 @@ mod interrupt;
 mod progress;
 mod target;
 mod tell;
+mod terminal;
 
 use args::{Command, CommandLine};
 use clap::Parser;
@@ -162,7 +163,8 @@ fn print_result(
 fn print(text: &str) -> Result<(), CommandEnding> {
     use std::io::{ErrorKind, Write};
     let mut out = std::io::stdout().lock();
-    match out.write_all(tell::visible(text).as_bytes()).and_then(|()| out.flush()) {
+    let shown = tell::visible(text);
+    match out.write_all(terminal::coloured(&shown).as_bytes()).and_then(|()| out.flush()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
             Err(CommandEnding::Wrong(format!("cannot write to standard output: {e}")))
         }

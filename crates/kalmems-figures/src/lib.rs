@@ -37,6 +37,7 @@ mod significant;
 mod style;
 mod table;
 mod text;
+mod text_table;
 
 pub use cell::guarded;
 pub use decimate::{DecimatedSignal, Thinning, decimate, decimate_band, pairs, triples};

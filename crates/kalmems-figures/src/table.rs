@@ -2,7 +2,7 @@
 
 use crate::page::NoticeSeverity;
 use crate::significant::with_short_numbers;
-use crate::text::{printable, with_unit};
+use crate::text::with_unit;
 
 /// The head of a column.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -45,6 +45,8 @@ pub struct TextTable {
     verdicts: Option<(usize, Vec<NoticeSeverity>)>,
     /// What each row is called where a page leads to it.
     anchors: Vec<String>,
+    /// The labels of columns that a narrow terminal does without, the first ones first.
+    pub(crate) expendable: Vec<String>,
 }
 
 impl TextTable {
@@ -56,6 +58,7 @@ impl TextTable {
             rows: Vec::new(),
             verdicts: None,
             anchors: Vec::new(),
+            expendable: Vec::new(),
         }
     }
 
@@ -129,55 +132,23 @@ impl TextTable {
         self.columns.get(column).map(ColumnHead::head).unwrap_or_default()
     }
 
+    /// Columns that are left out first where the width does not suffice for all, in this order.
+    #[must_use]
+    pub fn with_expendable(mut self, labels: &[&str]) -> Self {
+        self.expendable = labels.iter().map(|label| (*label).to_owned()).collect();
+        self
+    }
+
     /// Aligned with spaces, with a rule below the head, and a line break at the end.
     pub fn to_text(&self) -> String {
-        let heads: Vec<String> = (0..self.width()).map(|c| plain(&self.head(c))).collect();
-        let rows: Vec<Vec<String>> = self
-            .rows
-            .iter()
-            .map(|row| (0..heads.len()).map(|c| row.get(c).map_or_else(String::new, |t| plain(t))).collect())
-            .collect();
-        let widths: Vec<usize> = (0..heads.len())
-            .map(|c| {
-                rows.iter().chain([&heads]).filter_map(|r| r.get(c)).map(|t| length(t)).max().unwrap_or(0)
-            })
-            .collect();
-        let line = |cells: &[String]| {
-            let padded: Vec<String> = cells
-                .iter()
-                .zip(&widths)
-                .enumerate()
-                .map(|(c, (text, width))| {
-                    let room = " ".repeat(width.saturating_sub(length(text)));
-                    if self.is_numeric(c) { room + text } else { text.clone() + &room }
-                })
-                .collect();
-            format!("{}\n", padded.join("  ").trim_end())
-        };
-        let rule: Vec<String> = widths.iter().map(|w| "─".repeat(*w)).collect();
-        let mut out = String::new();
-        if !self.caption.is_empty() {
-            out.push_str(&plain(&self.caption));
-            out.push('\n');
-        }
-        if !heads.is_empty() {
-            out.push_str(&line(&heads));
-            out.push_str(&line(&rule));
-        }
-        for row in &rows {
-            out.push_str(&line(row));
-        }
-        out
+        self.to_text_within(usize::MAX)
     }
-}
 
-/// One line, without anything that a terminal would obey.
-fn plain(text: &str) -> String {
-    text.chars().map(|c| if c == '\n' || c == '\t' { ' ' } else { printable(c) }).collect()
-}
-
-fn length(text: &str) -> usize {
-    text.chars().count()
+    /// The same in lines of at most so many characters, if there is room for a word of each column. Heads are wrapped first; then columns
+    /// are left out, as [`with_expendable`](Self::with_expendable) has them, and named below; then the cells of words are wrapped.
+    pub fn to_text_within(&self, columns: usize) -> String {
+        crate::text_table::written(self, columns)
+    }
 }
 
 #[cfg(test)]

@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// The budget of the scale factor by the stage, from the raw recordings of `examples/micro_stage` on: gaps and gains are identified, the rate
 /// of the stage is estimated with them, and the gyroscope is calibrated by it.
 fn budget_by_stage(root: &Path) -> Result<Figure, Box<dyn Error>> {
-    let stated = published().load(&root.join("examples/micro_stage/experiment.toml"))?;
+    let stated = published().load(&root.join("examples/micro_stage/as_published.toml"))?;
     let identified = identify(published(), &stated, &Silent)?.experiment;
     let outcome = workflow::estimate(published(), &identified, &Silent)?;
     let folder = tempfile::tempdir()?;

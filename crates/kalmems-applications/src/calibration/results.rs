@@ -137,15 +137,20 @@ impl<'a> CalibrationSummary<'a> {
 
     /// For a terminal.
     pub fn to_text(&self) -> String {
+        self.to_text_within(usize::MAX)
+    }
+
+    /// For a terminal of so many columns.
+    pub fn to_text_within(&self, columns: usize) -> String {
         let not_observed = |line: &String| format!("not observed: {line}\n");
-        let text_of = |table: TextTable| table.to_text();
+        let text_of = |table: TextTable| table.to_text_within(columns);
         let mut parts: Vec<String> = Vec::new();
         let answer = self.answer();
         if !answer.is_empty() {
             parts.push(answer.join("\n") + "\n");
         }
         if !self.results.is_empty() {
-            parts.push(scale_factors(self.results).to_text());
+            parts.push(scale_factors(self.results).to_text_within(columns));
         }
         for result in self.results {
             parts.extend(tables_of(result).map(text_of));
@@ -158,8 +163,8 @@ impl<'a> CalibrationSummary<'a> {
         let rests: Vec<&AxisAtRest> = self.rest.iter().map(|rest| rest.rest).collect();
         parts.extend(at_rest(&rests).map(text_of));
         for record in self.unit_records {
-            parts.push(quantities(record).to_text());
-            parts.extend(record.tables.iter().map(TextTable::to_text));
+            parts.push(quantities(record).to_text_within(columns));
+            parts.extend(record.tables.iter().map(|table| table.to_text_within(columns)));
             parts.extend(record.not_observed.iter().map(not_observed));
             parts.extend(record.warnings.iter().map(|line| format!("WARNING: {line}\n")));
         }

@@ -3,7 +3,7 @@
 use crate::args::{CalibrateArguments, CalibrationSubject};
 use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{CommandEnding, print_result, target};
+use crate::{CommandEnding, print_result, target, terminal};
 use kalmems::applications::ApplicationFile;
 use kalmems::applications::calibration::GyroscopeCalibration;
 use kalmems::applications::calibration::{
@@ -40,7 +40,7 @@ pub fn run(arguments: &CalibrateArguments) -> Result<(), CommandEnding> {
     write_calibration(&found, &output, info).map_err(|e| wrong(&e))?;
     let out = target::finish(output)?;
     let summary = CalibrationSummary::of(&found);
-    print_result(arguments.json, &summary, || summary.to_text())?;
+    print_result(arguments.json, &summary, || summary.to_text_within(terminal::columns()))?;
     tell!("results in {}; open {}", out.display(), out.join("report.html").display());
     Ok(())
 }

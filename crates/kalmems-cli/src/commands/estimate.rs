@@ -4,7 +4,7 @@ use crate::args::EstimateArguments;
 use crate::experiment::load;
 use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{CommandEnding, print, print_json, target};
+use crate::{CommandEnding, print, print_json, target, terminal};
 use kalmems::config::Experiment;
 use kalmems::diagnose::FoundNoise;
 use kalmems::results::{
@@ -31,7 +31,7 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), C
     if arguments.json {
         print_json(&metrics)?;
     } else {
-        let mut text = summary_text(&metrics, true);
+        let mut text = summary_text(&metrics, true, terminal::columns());
         for notice in notices_in_short(&metrics) {
             text += &format!("\n{notice}\n");
         }

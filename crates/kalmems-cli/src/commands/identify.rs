@@ -4,7 +4,7 @@ use crate::args::IdentifyArguments;
 use crate::experiment::load;
 use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{CommandEnding, print_result, target};
+use crate::{CommandEnding, print_result, target, terminal};
 use kalmems::config::Experiment;
 use kalmems::diagnose::{identify, with_found_numbers, with_noise, with_noises};
 use kalmems::results::{IdentificationSummary, ResultWriteError, RunInfo, Work, write_identification};
@@ -49,7 +49,7 @@ pub fn run(workbench: &Workbench, arguments: &IdentifyArguments) -> Result<(), C
     let out = target::finish(output)?;
 
     let summary = IdentificationSummary::of(&found);
-    print_result(arguments.json, &summary, || summary.to_text())?;
+    print_result(arguments.json, &summary, || summary.to_text_within(terminal::columns()))?;
     let (folder, file) = (out.display(), out.join("experiment.toml"));
     tell!("results in {folder}; open {}", out.join("report.html").display());
     tell!("estimate with these values by: kalmems estimate {} --out {folder}_estimate", file.display());

@@ -281,7 +281,7 @@ fn inspect_and_estimate_agree_on_a_gap_in_a_free_decay() {
     let kept = recording.lines().enumerate().filter(|(row, _)| !(4000..4200).contains(row));
     let csv: String = kept.flat_map(|(_, line)| [line, "\n"]).collect();
     std::fs::write(folder.path().join("recording.csv"), csv).unwrap();
-    std::fs::copy(source.join("experiment.toml"), folder.path().join("experiment.toml")).unwrap();
+    std::fs::copy(source.join("as_published.toml"), folder.path().join("experiment.toml")).unwrap();
     let run = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_kalmems"));
         command.current_dir(folder.path()).args(arguments).output().unwrap()

@@ -32,7 +32,7 @@ fn estimated(experiment: &str, out: &Path) -> (String, String) {
 #[test]
 fn each_filter_that_fails_has_one_paragraph_and_the_report_has_all() {
     let folder = tempfile::tempdir().unwrap();
-    let (said, hints) = estimated("examples/micro_stage/experiment.toml", folder.path());
+    let (said, hints) = estimated("examples/micro_stage/as_published.toml", folder.path());
     let failures: Vec<&str> = said.lines().filter(|line| line.starts_with("FAILURE: ")).collect();
     // Three filters over four segments.
     assert_eq!(failures.len(), 3, "{said}");
@@ -50,7 +50,7 @@ fn each_filter_that_fails_has_one_paragraph_and_the_report_has_all() {
         failures[2].contains("and 887 ns too late") && failures[2].contains("a line at 1.6276 kHz"),
         "{failures:#?}"
     );
-    assert!(hints.contains("kalmems diagnose examples/micro_stage/experiment.toml"), "{hints}");
+    assert!(hints.contains("kalmems diagnose examples/micro_stage/as_published.toml"), "{hints}");
     let report = std::fs::read_to_string(folder.path().join("report.html")).unwrap();
     // One box for all failures, with each of them in a fold.
     assert_eq!(report.matches("<b>Failure</b>").count(), 1);

@@ -80,7 +80,7 @@ const DEVICES: [Device; 7] = [
     },
     Device {
         name: "threshold scanner",
-        file: "threshold_scanner/experiment.toml",
+        file: "threshold_scanner/as_published.toml",
         state: "angle",
         start: r#"{ angle = "-0.102 rad", rate = "413 rad/s" }"#,
         start_sd: r#"{ angle = "5 mrad", rate = "20 rad/s" }"#,
@@ -109,7 +109,7 @@ const DEVICES: [Device; 7] = [
     },
     Device {
         name: "micro-stage",
-        file: "micro_stage/experiment.toml",
+        file: "micro_stage/as_published.toml",
         state: "angle",
         start: r#""from_signal""#,
         start_sd: r#"{ angle = "50 urad", rate = "1 rad/s" }"#,

@@ -269,13 +269,13 @@ pub(super) fn answers(metrics: &Metrics) -> Vec<String> {
     said
 }
 
-/// What a run prints: its answers, and behind them its tables.
-pub fn summary_text(metrics: &Metrics, with_durations: bool) -> String {
+/// What a run prints: its answers, and below them its tables in lines of at most so many characters.
+pub fn summary_text(metrics: &Metrics, with_durations: bool, columns: usize) -> String {
     let tables =
         [Some(summary_table(metrics, with_durations)), parameters_table(metrics), budget_table(metrics)];
     let answers = metrics.answer.join("\n");
     let answers = (!answers.is_empty()).then(|| answers + "\n");
-    let tables = tables.into_iter().flatten().map(|table| table.to_text());
+    let tables = tables.into_iter().flatten().map(|table| table.to_text_within(columns));
     answers.into_iter().chain(tables).collect::<Vec<String>>().join("\n")
 }
 

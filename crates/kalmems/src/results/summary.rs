@@ -112,7 +112,8 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> TextTable {
     if with_durations {
         columns.push(ColumnHead { numeric: true, ..ColumnHead::text("per step") });
     }
-    let mut table = TextTable::new("", columns);
+    let expendable = ["per step", "amplitude RMSE", "of p-p", "within ±3σ", "phase RMSE", "95 % expected"];
+    let mut table = TextTable::new("", columns).with_expendable(&expendable);
     for recording in &metrics.recordings {
         for segment in &recording.segments {
             for estimator in &segment.estimators {

@@ -233,7 +233,7 @@ fn the_examples_calibrate_the_gyroscope_by_the_stage() {
     let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
     let out = tempfile::tempdir().unwrap();
     let info = RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
-    let experiment = published().load(&examples.join("micro_stage/experiment.toml")).unwrap();
+    let experiment = published().load(&examples.join("micro_stage/as_published.toml")).unwrap();
     let outcome =
         workflow::estimate(published(), &identify(&experiment).unwrap().experiment, &Silent).unwrap();
     let to = out.path().join("micro_stage");

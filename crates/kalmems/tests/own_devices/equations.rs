@@ -101,7 +101,7 @@ const PRESETS: [Preset; 6] = [
         close: 1e-5,
     },
     Preset {
-        example: "micro_stage/experiment.toml",
+        example: "micro_stage/as_published.toml",
         recording: (1, "test1"),
         estimate: "skip = \"0.6 ms\"\nprocess_noise = { angular_acceleration = \"20 rad^2/s^3\" }\n",
         start: "{ angle = \"0 rad\", rate = \"0 rad/s\" }",
@@ -112,7 +112,7 @@ const PRESETS: [Preset; 6] = [
         close: 1e-12,
     },
     Preset {
-        example: "threshold_scanner/experiment.toml",
+        example: "threshold_scanner/as_published.toml",
         recording: (0, ""),
         estimate: "skip = \"2 ms\"\ncrossings = { width = \"30 us\", separation = \"300 us\", threshold = 4 }\nprocess_noise = { angular_acceleration = \"4758 rad^2/s^3\" }\n",
         start: "{ angle = \"-0.102 rad\", rate = \"413 rad/s\" }",
@@ -254,7 +254,7 @@ fn published_devices_are_estimated_from_their_equations_as_by_their_rigs() {
 #[test]
 fn a_lock_in_reads_from_the_equations_what_the_rig_reads_by_its_own_law() {
     let folder = tempfile::tempdir().unwrap();
-    for name in ["shared_scanner/experiment.toml", "micro_stage/experiment.toml"] {
+    for name in ["shared_scanner/experiment.toml", "micro_stage/as_published.toml"] {
         let preset = PRESETS.into_iter().find(|preset| preset.example == name).unwrap();
         let preset = Preset { methods: &["lock_in"], states: "", ..preset };
         let experiment = preset.experiment(folder.path());
@@ -302,7 +302,7 @@ fn apart_in<const N: usize>(preset: &Preset, state: &str, parts: [f64; N]) -> [V
 #[test]
 fn a_rig_and_its_equations_differ_by_the_step_of_the_rig() {
     let of = |example: &str| PRESETS.into_iter().find(|preset| preset.example == example).unwrap();
-    let preset = Preset { methods: &["model", "ekf"], states: "", ..of("micro_stage/experiment.toml") };
+    let preset = Preset { methods: &["model", "ekf"], states: "", ..of("micro_stage/as_published.toml") };
     // Both steps are exact, whatever else is as fast as a part of an interval.
     for apart in apart_in(&preset, "angle", [8.0, 256.0]) {
         assert!(apart.iter().all(|apart| *apart < 1e-12), "{apart:?}");

@@ -48,7 +48,7 @@ fn apart(rig: &Trajectory, text: &Trajectory, state: &str) -> [f64; 3] {
 
 /// The example of the threshold scanner with a filter for each of these: its name, its method and how it is told of crossings.
 fn threshold_scanner(filters: &[(&str, &str, &str)]) -> Experiment {
-    let file = example("threshold_scanner/experiment.toml");
+    let file = example("threshold_scanner/as_published.toml");
     let mut text: Table = std::fs::read_to_string(&file).unwrap().parse().unwrap();
     let mut estimate =
         "skip = \"2 ms\"\ncrossings = { width = \"30 us\", separation = \"300 us\", threshold = 4 }\n\

@@ -30,7 +30,7 @@ pub fn example(path: &str) -> Experiment {
 }
 
 const SCANNER: &str = "shared_scanner/microcontroller.toml";
-const THRESHOLD: &str = "threshold_scanner/experiment.toml";
+const THRESHOLD: &str = "threshold_scanner/as_published.toml";
 
 fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Exported, ExportError> {
     source(published(), experiment, request)

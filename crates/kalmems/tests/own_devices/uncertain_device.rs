@@ -316,7 +316,7 @@ fn a_device_off_its_stated_numbers_is_covered_and_the_budget_names_the_number() 
 /// What `identify` says of a number stands behind it in the experiment, and how two hang together beside the table.
 #[test]
 fn what_is_identified_is_written_with_its_uncertainty_and_correlations() {
-    let path = example("micro_stage/experiment.toml");
+    let path = example("micro_stage/as_published.toml");
     let experiment = published().load(&path).unwrap();
     let found = published().rig(&experiment).unwrap().identify(&experiment, &Silent).unwrap();
     // As it is written to a file and read again.

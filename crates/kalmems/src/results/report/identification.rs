@@ -74,11 +74,16 @@ impl<'a> IdentificationSummary<'a> {
 
     /// A table of the parameters, and below it what else there is to say.
     pub fn to_text(&self) -> String {
+        self.to_text_within(usize::MAX)
+    }
+
+    /// A table of the parameters in lines of at most so many characters, and below it what else there is to say.
+    pub fn to_text_within(&self, columns: usize) -> String {
         let mut text = self.answer.join("\n");
         if !text.is_empty() {
             text += "\n\n";
         }
-        text += &self.table().to_text();
+        text += &self.table().to_text_within(columns);
         for pair in self.worst_pairs {
             let [a, b] = &pair.names;
             text +=
