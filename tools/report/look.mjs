@@ -323,6 +323,28 @@ async function checkSamples(page, how, name) {
 const samplesOf = (name) => join(folder, "pages", name, "report_samples.bin");
 const said = (page) => page.locator(".samples output").first().textContent();
 
+// ---- What is shown of it at first --------------------------------------------------------------------------------------
+{
+  const page = await open("long");
+  const first = await page.evaluate(() => {
+    const { panels } = window.figures.shown.find((figure) => figure.number === 1);
+    const drawn = panels.flatMap((panel) => panel.series.filter((one) => one.samples));
+    return { labels: panels.map((panel) => panel.label), each: drawn.every((one) => one.samples.per === 1 || one.nearby?.per === 1), count: drawn.length };
+  });
+  check("figure 1 of a long recording is the motion, in single samples", first.each && first.count > 0 && first.labels.includes("angle"), JSON.stringify(first));
+  const strip = page.locator('.live[data-figure="1"] .strip');
+  await strip.scrollIntoViewIfNeeded();
+  const before = await view(page, 1, 0);
+  const box = await strip.boundingBox();
+  await page.mouse.click(box.x + box.width / 2, box.y + box.height / 2);
+  await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+  await page.mouse.down();
+  await page.mouse.up();
+  const after = await view(page, 1, 0);
+  check("a click on the strip of the whole record shows its middle", Math.abs((after[0] + after[1]) / 2 - 0.225) < 0.01 && Math.abs(after[1] - after[0] - (before[1] - before[0])) < 1e-9, after.slice(0, 2));
+  await page.screenshot({ path: join(shots, "long-strip.png") });
+  await page.context().close();
+}
 {
   const page = await open("long");
   const input = page.locator(".samples input").first();

@@ -1,5 +1,6 @@
 //! Figures as data that the script of a page draws: axes, series, and their samples as text.
 
+use crate::decimate::Thinning;
 use crate::drawing::axis::Range;
 use crate::drawing::layout::FigureLayout;
 use crate::drawing::ruler::Ruler;
@@ -7,7 +8,7 @@ use crate::drawing::svg::hex;
 use crate::figure::{Axis, AxisScale, Figure, SamplesPlace, Series, SeriesRole, Shape};
 use crate::page::SamplesLink;
 use crate::prefix::prefixed;
-use crate::record::{Abscissae, PackedValues, Record, RecordValues};
+use crate::record::{Abscissae, PackedValues, Record, RecordValues, Track};
 use crate::style;
 use crate::text::with_printed_unit;
 use base64::Engine;
@@ -51,14 +52,20 @@ struct Panelled {
 struct LiveSeries {
     known: Value,
     record: Option<Arc<Record>>,
+    /// Each sample of what is shown at first, if the picture has it.
+    near: Option<Record>,
     place: Option<SamplesPlace>,
 }
 
 impl LiveSeries {
     /// Where all of its samples are, if the page has groups of them.
     fn place_of_more(&self) -> Option<&SamplesPlace> {
-        let is_thinned = self.record.as_ref().is_some_and(|record| record.per_group > 1);
-        self.place.as_ref().filter(|_| is_thinned)
+        self.place.as_ref().filter(|_| self.is_thinned())
+    }
+
+    /// Whether the page has groups of samples.
+    fn is_thinned(&self) -> bool {
+        self.record.as_ref().is_some_and(|record| record.per_group > 1)
     }
 }
 
@@ -132,6 +139,9 @@ impl LiveFigures {
                                 let mut known = drawn.known.clone();
                                 if let (Some(record), Some(known)) = (&drawn.record, known.as_object_mut()) {
                                     known.insert("data".to_owned(), blobs.record(record));
+                                    if let Some(near) = drawn.near.as_ref().filter(|_| drawn.is_thinned()) {
+                                        known.insert("near".to_owned(), blobs.record(near));
+                                    }
                                     if let (Some(place), Some(_)) = (drawn.place_of_more(), beside) {
                                         known.insert("track".to_owned(), json!(&*place.track));
                                         known.insert("isBand".to_owned(), json!(place.is_band));
@@ -217,7 +227,38 @@ fn drawn_as(series: &Series, colour: &str) -> LiveSeries {
         "dashed": stroke.dashed,
         "faint": matches!(series.role(), SeriesRole::Measured | SeriesRole::Reference),
     });
-    LiveSeries { known, record: series.record().cloned(), place: series.place().cloned() }
+    let (record, place) = (series.record().cloned(), series.place().cloned());
+    LiveSeries { known, record, near: near(series), place }
+}
+
+/// The samples that the picture shows, if it shows each of them: what a page shows at first keeps its resolution however long the record is.
+fn near(series: &Series) -> Option<Record> {
+    /// More of them are drawn column by column in any case.
+    const MOST_NEAR: usize = 4_096;
+    let (mut track, channels) = match series.shape() {
+        Shape::Line(_) | Shape::Points(_) => (Track::new(1), [0, 0]),
+        Shape::Band(_) => (Track::new(2), [0, 1]),
+        Shape::Level(_) | Shape::Map(_) => return None,
+    };
+    let mut last = None;
+    let mut run = |points: &mut dyn Iterator<Item = (f64, [f64; 2])>| {
+        // Between two runs there is a gap.
+        last.into_iter().for_each(|x| track.push(x, &[f64::NAN; 2]));
+        for (x, values) in points {
+            track.push(x, &values);
+            last = Some(x);
+        }
+    };
+    match series.shape() {
+        Shape::Line(runs) => runs.iter().for_each(|one| run(&mut one.iter().map(|[x, y]| (*x, [*y; 2])))),
+        Shape::Points(points) => run(&mut points.iter().map(|[x, y]| (*x, [*y; 2]))),
+        Shape::Band(runs) => {
+            runs.iter().for_each(|one| run(&mut one.iter().map(|[x, low, high]| (*x, [*low, *high]))));
+        }
+        Shape::Level(_) | Shape::Map(_) => {}
+    }
+    let is_each = series.thinning() == Thinning::None && (1..=MOST_NEAR).contains(&track.samples());
+    track.record(channels).filter(|_| is_each)
 }
 
 /// Texts of samples, each once.
@@ -399,5 +440,25 @@ mod tests {
         let all: Value = serde_json::from_str(&live.into_json(None).unwrap()).unwrap();
         let link = |place: usize| &all["figures"][0]["panels"][place]["link"];
         assert!(link(0) == link(1) && link(1) != link(2));
+    }
+
+    #[test]
+    fn what_is_shown_at_first_keeps_each_sample_however_long_the_record_is() {
+        let mut track = Track::new(1);
+        (0..450_000).for_each(|i| track.push(1e-6 * f64::from(i), &[value(i)]));
+        let last = (449_744..450_000).map(|i| (1e-6 * f64::from(i), value(i)));
+        let line = Series::line("estimate", SeriesRole::Estimate, last).of_all(&track, [0, 0]);
+        let panel = Panel::new(Axis::new("time", "s"), Axis::new("value", "V")).with(line);
+        let mut live = LiveFigures::default();
+        assert!(live.take(1, "", &Figure::new("figure", "", "").with(panel)));
+        let all: Value = serde_json::from_str(&live.into_json(None).unwrap()).unwrap();
+        let series = &all["figures"][0]["panels"][0]["series"][0];
+        assert!(series["data"]["per"].as_u64().unwrap() > 1);
+        let near = numbers(&all, &series["near"]["values"][0]);
+        assert_eq!((series["near"]["per"].as_u64(), near.len()), (Some(1), 256));
+        let span = (449_744..450_000).map(value).fold(0.0, f64::max);
+        for (found, i) in near.iter().zip(449_744..) {
+            assert!((found - value(i)).abs() < 1e-4 * span, "{i}: {found}");
+        }
     }
 }

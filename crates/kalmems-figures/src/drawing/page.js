@@ -185,10 +185,10 @@
     },
   };
 
-  /** What is known of a series between two values of x: each sample where they were read, else what the page has. */
+  /** What is known of a series between two values of x: each sample of what is shown at first or where they were read, else groups of them. */
   function samplesIn(series, from, to) {
-    const close = series.close;
-    return close && close.covers[0] <= from && close.covers[1] >= to ? close : series.samples;
+    const covers = (one) => one && one.covers[0] <= from && one.covers[1] >= to;
+    return [series.nearby, series.close].find(covers) ?? series.samples;
   }
 
   /** The first index whose x is not below the value. */
@@ -483,6 +483,8 @@
   class Link {
     constructor() {
       this.panels = [];
+      /** Pictures of all of it that mark what is in sight. */
+      this.strips = [];
       /** What is in sight, where that is not what each panel shows at first. */
       this.view = null;
     }
@@ -511,12 +513,14 @@
       }
       this.view = [from, to];
       for (const panel of this.panels) panel.show(from, to);
+      for (const strip of this.strips) strip.draw();
     }
 
     /** What was shown at first, each panel its own. */
     reset() {
       this.view = null;
       for (const panel of this.panels) panel.show(panel.x.from, panel.x.to);
+      for (const strip of this.strips) strip.draw();
     }
 
     /** Makes what is in sight so many times as wide, about a place. */
@@ -578,6 +582,8 @@
     /** Reads the samples, and from where to where they go. */
     async load() {
       await Promise.all(this.series.filter((s) => s.data).map(async (s) => (s.samples = await samplesOf(s.data))));
+      const near = this.series.filter((s) => s.near);
+      await Promise.all(near.map(async (s) => (s.nearby = { ...(await samplesOf(s.near)), covers: [this.x.from, this.x.to] })));
       this.whole = [Infinity, -Infinity];
       this.closest = Infinity;
       /** The same where single samples can be read. */
@@ -927,6 +933,61 @@
     }
   }
 
+  // ---- The whole record ----------------------------------------------------------------------------------------------
+
+  const STRIP = 56;
+
+  /** All of a panel's main series in a strip below the panels, with what is in sight marked; a click or a drag shows another part. */
+  class Strip {
+    /** The series of a panel that a strip shows, if its axis goes on far beyond what is shown at first. */
+    static seriesOf(panel) {
+      const lines = panel.series.filter((s) => s.samples?.rises && s.kind === "line");
+      const isLong = panel.whole[1] - panel.whole[0] > 3 * (panel.x.to - panel.x.from);
+      return isLong && !panel.x.log ? (lines.find((s) => !s.faint) ?? lines[0]) : undefined;
+    }
+
+    constructor(panel, series) {
+      Object.assign(this, { panel, series });
+      this.canvas = element("canvas", { class: "strip", role: "img", "aria-label": `${panel.y.title} over the whole record, with what is in sight marked` });
+      const go = (event) => event.buttons && this.go(event.offsetX);
+      this.canvas.addEventListener("pointerdown", go);
+      this.canvas.addEventListener("pointermove", go);
+      new ResizeObserver(() => this.draw()).observe(this.canvas);
+    }
+
+    /** Shows as much as before about this place. */
+    go(left) {
+      const [first, last] = this.panel.link.whole();
+      const { min, max } = this.panel.plot.scales.x;
+      const at = first + (left / this.canvas.clientWidth) * (last - first);
+      this.panel.link.show(at - (max - min) / 2, at + (max - min) / 2);
+    }
+
+    draw() {
+      const ratio = devicePixelRatio || 1;
+      const [width, height] = [Math.round(this.canvas.clientWidth * ratio), STRIP * ratio];
+      if (width === 0) return;
+      Object.assign(this.canvas, { width, height });
+      const context = this.canvas.getContext("2d");
+      const [first, last] = this.panel.link.whole();
+      const samples = this.series.samples;
+      const [low, high] = extremes(samples, first, last, this.panel.y.log);
+      const inLog = (value) => (this.panel.y.log ? Math.log10(Math.max(value, low)) : value);
+      const toX = (value) => ((value - first) / (last - first)) * width;
+      const toY = (value) => (1 - (inLog(value) - inLog(low)) / (inLog(high) - inLog(low) || 1)) * (height - 4 * ratio) + 2 * ratio;
+      context.fillStyle = context.strokeStyle = colourOf(this.series);
+      context.lineWidth = ratio;
+      fillExtremes(context, this.series, samples, 0, samples.x.length, toX, toY, ratio);
+      const { min, max } = this.panel.plot.scales.x;
+      const [left, right] = [toX(min), Math.max(toX(max), toX(min) + 3 * ratio)];
+      context.fillStyle = context.strokeStyle = variable("--note");
+      context.globalAlpha = 0.2;
+      context.fillRect(left, 0, right - left, height);
+      context.globalAlpha = 1;
+      context.strokeRect(left + ratio / 2, ratio / 2, Math.max(ratio, right - left - ratio), height - ratio);
+    }
+  }
+
   // ---- Figures -------------------------------------------------------------------------------------------------------
 
   const shown = [];
@@ -1000,6 +1061,12 @@
       panel.link.panels.push(panel);
       panel.place(holder, say);
     }
+    const long = panels.findLast((panel) => panel.y.title && Strip.seriesOf(panel));
+    if (long) {
+      const strip = new Strip(long, Strip.seriesOf(long));
+      long.link.strips.push(strip);
+      holder.append(strip.canvas);
+    }
     if (panels.some((panel) => panel.series.some((s) => s.track))) holder.append(filePicker(panels));
     holder.style.minHeight = "";
     shown.push({ number: figure.number, panels });
@@ -1063,6 +1130,7 @@
       for (const panel of panels) {
         for (const series of panel.series) if (series.swatch) series.swatch.style.background = colourOf(series);
         panel.plot.redraw(false, true);
+        panel.link.strips.forEach((strip) => strip.draw());
       }
     }
   });

@@ -167,7 +167,7 @@ impl<'a> LongEstimate<'a> {
         let trusted = judged.and_then(SegmentMetrics::best_key);
         let mut all = SegmentFigures::of(&part.outcome, outcome, &self.tracks, &prefix, trusted);
         if self.parts.len() > 1 {
-            all.answer.insert(0, course(&self.parts, &prefix));
+            all.judged.insert(0, course(&self.parts, &prefix));
         }
         for figure in all.pictured() {
             write_figure(self.output, figure)?;
