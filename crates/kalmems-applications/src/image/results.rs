@@ -374,11 +374,17 @@ pub fn image_page(
         None => answer.raster(picture, alt, caption),
     };
     let answer = match &developed.before {
-        Some(before) => answer.raster(
-            preview(before),
-            "The image before the search",
-            format!("The same samples at the phases that the search began with, {}.", starts(outcome)),
-        ),
+        Some(before) => answer
+            .raster(
+                preview(before),
+                "The image before the search",
+                format!("The same samples at the phases that the search began with, {}.", starts(outcome)),
+            )
+            .raster(
+                difference_preview(&developed.picture, before),
+                "The difference of both images",
+                "The first image minus the second: grey is no difference, white and black are half of the range of intensities and more.",
+            ),
         None => answer,
     };
     let mut evidence = PageSection::new("What it rests on").part(PagePart::Evidence);
@@ -432,6 +438,13 @@ fn starts(outcome: &ImageOutcome) -> String {
     let each: Vec<String> =
         each.map(|axis| format!("{:.4} deg of {}", axis.start_rad.to_degrees(), axis.name)).collect();
     each.join(" and ")
+}
+
+/// The difference of two pictures of one size to look at, grey where there is none.
+fn difference_preview(one: &Picture, other: &Picture) -> Vec<u8> {
+    let both = one.values().iter().zip(other.values());
+    let grey: Vec<f64> = both.map(|(a, b)| 0.5 + (a - b)).collect();
+    preview_of(&grey, one.size())
 }
 
 /// Counts of samples as a picture to look at, and the number that is white.

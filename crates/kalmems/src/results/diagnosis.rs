@@ -6,7 +6,9 @@ use crate::diagnose::{
 };
 use crate::inspect::quantity;
 use crate::topics::{explained, link};
-use kalmems_figures::{ColumnHead, NoticeSeverity, Page, PagePart, PageSection, TextTable, significant};
+use kalmems_figures::{
+    Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole, TextTable, significant,
+};
 use std::fmt::Write as _;
 
 impl Diagnosis {
@@ -281,6 +283,18 @@ fn people_read(unit: &'static str) -> (&'static str, f64) {
     if unit == "rad" { ("deg", 180.0 / std::f64::consts::PI) } else { shown(unit) }
 }
 
+/// How much likelier the recording is with each cause.
+fn gains(causes: &[CauseReport], needed: f64) -> Figure {
+    let caption = "The gain in log-likelihood of the blocks that were not fitted, for each cause, and the gain that a cause needs so that it is \
+                   no fluctuation. Causes of equal gain are not distinguished by the recording.";
+    let points = causes.iter().enumerate().map(|(place, cause)| (cause.gain, -(place as f64)));
+    let limit = [(needed, 0.5), (needed, 0.5 - causes.len() as f64)];
+    let panel = Panel::new(Axis::new("gain", "ln p"), Axis::of_names(causes.iter().map(|cause| cause.name.clone())))
+        .with(Series::points("gain", SeriesRole::Estimate, points))
+        .with(Series::line("needed", SeriesRole::Bound, limit));
+    Figure::new("gains", "Gain of each cause", caption).with(panel)
+}
+
 /// The report of a diagnosis: the page's text, which needs nothing else.
 #[cfg(feature = "report")]
 pub fn diagnosis_page(found: &Diagnosis) -> Result<String, kalmems_figures::ReportError> {
@@ -359,7 +373,7 @@ fn page(found: &Diagnosis) -> Page {
     }
     let mut answer = PageSection::new(title);
     if !table.rows.is_empty() {
-        answer = answer.table(table);
+        answer = answer.figure(gains(causes, found.needed)).table(table);
     }
     answer = found.left_out().into_iter().fold(answer, PageSection::paragraph);
     if let Some(Proposal { what, ahead, simulate }) = &found.proposal {

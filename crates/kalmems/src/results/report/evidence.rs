@@ -1,6 +1,7 @@
 //! What the innovations of the filters look like, as figures of a page.
 
 use super::figures::{label, role, stacked, time_axis};
+use super::twins::twin;
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::InnovationEvidence;
 use crate::results::marks::with_lock;
@@ -21,7 +22,9 @@ pub(super) fn evidence(
 ) -> Vec<Figure> {
     let own = segment.estimate.trajectories.iter().zip(&segment.judgements);
     let claims = |(trajectory, _): &(&Trajectory, _)| {
-        trajectory.kind == TrajectoryKind::Filtered && trajectory.claims()
+        trajectory.kind == TrajectoryKind::Filtered
+            && trajectory.claims()
+            && twin(&segment.estimate, trajectory).is_none()
     };
     let mut filters: Vec<_> = own.filter(claims).collect();
     filters.sort_by_key(|(trajectory, _)| trusted != Some(trajectory.key.as_str()));

@@ -3,6 +3,7 @@
 use super::evidence::evidence;
 use super::long_estimate::{FilterFigures, PartFigures};
 use super::passings::passings;
+use super::twins::{not_drawn, twin};
 use crate::estimate::{Trajectory, TrajectoryKind};
 use crate::evaluate::MotionErrors;
 use crate::recording::SampledRecording;
@@ -313,9 +314,11 @@ fn value_error(
     let of = compared(recording, segment).unwrap_or_default();
     let caption = format!(
         "The {of}, estimate minus reference after the settling time, with three of the filter's own standard deviations \
-         on each side. Each panel has its own scale."
+         on each side. Each panel has its own scale.{}",
+        not_drawn(&segment.estimate)
     );
     let pairs = segment.estimate.trajectories.iter().zip(&segment.values);
+    let pairs = pairs.filter(|(trajectory, _)| twin(&segment.estimate, trajectory).is_none());
     let panels = pairs.filter_map(|(trajectory, values)| {
         let errors = values.get(of)?;
         let (unit, factor) = shown_unit(errors.unit);
@@ -356,8 +359,11 @@ fn reference_window(
 
 /// The error of the angle after the settling time, filter by filter.
 fn angle_error(segment: &SegmentOutcome, tracks: &Tracks, prefix: &str) -> Figure {
-    let caption = "Estimate minus reference after the settling time, with three of the filter's own standard \
-                   deviations on each side. Each panel has its own scale.";
+    let caption = format!(
+        "Estimate minus reference after the settling time, with three of the filter's own standard deviations on each side. \
+         Each panel has its own scale.{}",
+        not_drawn(&segment.estimate)
+    );
     let panels = with_errors(segment).map(|(trajectory, errors)| {
         let series = &errors.error;
         let mut panel = Panel::new(time_axis(), Axis::new(format!("{} error", words(errors.of)), "deg"));
@@ -398,9 +404,10 @@ fn words(name: &str) -> String {
     name.replace('_', " ")
 }
 
-/// Each filter with its errors, angle by angle.
+/// Each filter that is drawn with its errors, angle by angle.
 fn with_errors(segment: &SegmentOutcome) -> impl Iterator<Item = (&Trajectory, &MotionErrors)> {
     let pairs = segment.estimate.trajectories.iter().zip(&segment.errors);
+    let pairs = pairs.filter(|(trajectory, _)| twin(&segment.estimate, trajectory).is_none());
     pairs.flat_map(|(t, e)| e.iter().flat_map(MotionErrors::each).map(move |e| (t, e)))
 }
 
@@ -414,10 +421,12 @@ fn nis(segment: &SegmentOutcome, prefix: &str) -> Figure {
         "The normalised innovation squared over the whole recording, averaged over each cycle of the motion \
          ({window} samples), and the interval that holds 95 % of such averages if the filter is right. Above it \
          the filter claims to know more than it does; below it, less. Points are single samples that were rejected as \
-         outliers."
+         outliers.{}",
+        not_drawn(estimate)
     );
     // A smoother's innovations are its filter's.
     let filters = estimate.trajectories.iter().filter(|t| t.kind == TrajectoryKind::Filtered);
+    let filters = filters.filter(|trajectory| twin(estimate, trajectory).is_none());
     let panels = filters.map(|trajectory| {
         let mut panel = Panel::new(time_axis(), Axis::new("mean NIS", "1").log());
         if let Ok(chi) = ChiSquared::new(window as f64) {

@@ -140,7 +140,8 @@ pub fn identification_page(found: &Identification) -> Result<String, ReportError
         let [a, b] = &pair.names;
         pairs.push([pair.recording.clone(), format!("{a} and {b}"), format!("{:+.3}", pair.correlation)]);
     }
-    let mut evidence = PageSection::new("Fits, residuals and profiles").part(PagePart::Evidence);
+    let title = if found.figures.is_empty() { "Correlations" } else { "Fits, residuals and profiles" };
+    let mut evidence = PageSection::new(title).part(PagePart::Evidence);
     if !pairs.rows.is_empty() {
         evidence = evidence.table(pairs);
     }

@@ -14,6 +14,7 @@ mod page;
 mod passings;
 mod samples;
 mod simulation;
+mod twins;
 
 pub use compare::{CompareError, compare_page};
 pub(crate) use figure_files::write_figure;
