@@ -41,7 +41,10 @@ pub(crate) fn written(table: &TextTable, limit: usize) -> String {
         out.push_str(&line(&columns, |column| column.cell(row)));
     }
     if !left_out.is_empty() {
-        out.push_str(&format!("(without the columns {}, for which the terminal is too narrow)\n", left_out.join(", ")));
+        out.push_str(&format!(
+            "(without the columns {}, for which the terminal is too narrow)\n",
+            left_out.join(", ")
+        ));
     }
     out
 }
@@ -87,7 +90,8 @@ fn width(columns: &[PrintedColumn]) -> usize {
 
 /// Cells next to one another, over as many lines as the longest has.
 fn line(columns: &[PrintedColumn], of: impl Fn(&PrintedColumn) -> Vec<String>) -> String {
-    let cells: Vec<(&PrintedColumn, Vec<String>)> = columns.iter().map(|column| (column, of(column))).collect();
+    let cells: Vec<(&PrintedColumn, Vec<String>)> =
+        columns.iter().map(|column| (column, of(column))).collect();
     let lines = cells.iter().map(|(_, lines)| lines.len()).max().unwrap_or(0).max(1);
     let of_line = |place: usize| {
         let padded = cells.iter().map(|(column, lines)| {
@@ -159,7 +163,13 @@ mod tests {
         insta::assert_snapshot!(table.to_text_within(40), @r"
         ");
         for limit in 40..100 {
-            assert!(table.to_text_within(limit).lines().filter(|line| !line.starts_with('(')).all(|line| line.chars().count() <= limit));
+            assert!(
+                table
+                    .to_text_within(limit)
+                    .lines()
+                    .filter(|line| !line.starts_with('('))
+                    .all(|line| line.chars().count() <= limit)
+            );
         }
         assert_eq!(table.to_text_within(200), table.to_text());
     }

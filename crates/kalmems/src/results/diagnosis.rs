@@ -7,7 +7,8 @@ use crate::diagnose::{
 use crate::inspect::quantity;
 use crate::topics::{explained, link};
 use kalmems_figures::{
-    Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole, TextTable, significant,
+    Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole,
+    TextTable, significant,
 };
 use std::fmt::Write as _;
 
@@ -289,9 +290,10 @@ fn gains(causes: &[CauseReport], needed: f64) -> Figure {
                    no fluctuation. Causes of equal gain are not distinguished by the recording.";
     let points = causes.iter().enumerate().map(|(place, cause)| (cause.gain, -(place as f64)));
     let limit = [(needed, 0.5), (needed, 0.5 - causes.len() as f64)];
-    let panel = Panel::new(Axis::new("gain", "ln p"), Axis::of_names(causes.iter().map(|cause| cause.name.clone())))
-        .with(Series::points("gain", SeriesRole::Estimate, points))
-        .with(Series::line("needed", SeriesRole::Bound, limit));
+    let panel =
+        Panel::new(Axis::new("gain", "ln p"), Axis::of_names(causes.iter().map(|cause| cause.name.clone())))
+            .with(Series::points("gain", SeriesRole::Estimate, points))
+            .with(Series::line("needed", SeriesRole::Bound, limit));
     Figure::new("gains", "Gain of each cause", caption).with(panel)
 }
 

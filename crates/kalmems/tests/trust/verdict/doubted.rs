@@ -68,7 +68,8 @@ fn a_bank_without_the_right_model_does_not_pass() {
 
 /// The segment of the threshold example, with this done to its text.
 fn threshold(change: impl Fn(String) -> String) -> SegmentMetrics {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/threshold_scanner/as_published.toml");
+    let path =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/threshold_scanner/as_published.toml");
     let text = change(std::fs::read_to_string(&path).unwrap());
     let experiment = published().parse(&text, &path).unwrap();
     let estimated = Estimated::of(published(), &experiment, Vec::new(), &Silent).unwrap();

@@ -195,7 +195,8 @@ fn a_scale_and_a_stiffness_that_are_wrong_fail_by_the_reference() {
 /// half of the signal.
 #[test]
 fn a_stated_noise_a_hundred_times_too_small_loses_no_lock() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/threshold_scanner/as_published.toml");
+    let path =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/threshold_scanner/as_published.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let told = text.replace("1.89225e-3 V^2", "1.89225e-5 V^2");
     assert_ne!(told, text);
