@@ -27,6 +27,9 @@ const FALL: f64 = 3.841_458_820_694_124 / 2.0;
 /// By how much more at least: neighbouring octaves have a correlation of one half in white noise and in flicker (2.0 in 400 records of white noise,
 /// 2.4 in 300 of flicker), and parts that are 0 at the best fit are none at the end of an interval.
 const OVERLAP: f64 = 2.2;
+/// By how much more a likelihood may fall where another part of the best fit has vanished: such a fit has used that part to follow the scatter, so
+/// that it is two numbers by which it is likelier than the truth (χ² of two degrees of freedom exceeds 5.991 in 5 of 100 cases).
+const VANISHED: f64 = 5.991_464_547_107_979 / 3.841_458_820_694_124;
 /// Rounds in which the degrees of freedom follow the parts that were found.
 const ROUNDS: usize = 3;
 /// Steps towards the likeliest parts, and halvings of one.
@@ -417,14 +420,11 @@ impl OctaveFit {
     fn interval(&self, part: usize) -> [f64; 2] {
         let best = self.model.sizes[part];
         let fall = FALL * self.inflation(part);
-        let near = self.model.memory;
-        let falls = |size: f64| {
-            let (_, cost) = likeliest(&self.octaves, Some((part, size)), Some(near));
-            cost - self.cost - fall
-        };
+        let at = |size: f64| likeliest(&self.octaves, Some((part, size)), Some(self.model.memory));
         // A part that is nowhere seen is looked for from what it may be at most.
         let middle = best.max(1e-12 * largest_possible(&self.octaves, part, self.model.correlation()));
-        let end = |factor: f64| {
+        let end = |factor: f64, fall: f64| {
+            let falls = |size: f64| at(size).1 - self.cost - fall;
             let (mut near, mut far) = (middle, middle * factor);
             if falls(far) < 0.0 {
                 return None;
@@ -436,9 +436,18 @@ impl OctaveFit {
             }
             Some((near * far).sqrt())
         };
-        let low = if best > 0.0 { end(FARTHEST.recip()).unwrap_or(0.0) } else { 0.0 };
+        let low = if best > 0.0 { end(FARTHEST.recip(), fall).unwrap_or(0.0) } else { 0.0 };
+        let farthest = if best > 0.0 { FARTHEST } else { 1e16 };
+        let high = end(farthest, fall);
+        let is_alone = high.is_some_and(|size| self.has_vanished_in(&at(size).0, part));
+        let high = if is_alone { end(farthest, VANISHED * fall) } else { high };
         // The likeliest size is in its interval, however flat the likelihood is there.
-        [low.min(best), end(if best > 0.0 { FARTHEST } else { 1e16 }).unwrap_or(f64::INFINITY).max(best)]
+        [low.min(best), high.unwrap_or(f64::INFINITY).max(best)]
+    }
+
+    /// Whether a part of the best fit other than this one is 0 in another model.
+    fn has_vanished_in(&self, model: &Model, part: usize) -> bool {
+        (0..PARTS).any(|other| other != part && self.model.sizes[other] > 0.0 && model.sizes[other] <= 0.0)
     }
 }
 
