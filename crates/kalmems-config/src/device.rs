@@ -66,7 +66,7 @@ impl DeviceKind {
         };
         let each: Vec<Schema> = kinds.iter().map(one).collect();
         json_schema!({
-            "description": "The device: exactly one of these tables, and beside it the correlations of its uncertain numbers.",
+            "description": "The device: exactly one of these tables, and the correlations of its uncertain numbers.",
             "oneOf": each,
         })
     }

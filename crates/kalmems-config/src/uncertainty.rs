@@ -208,7 +208,7 @@ impl Experiment {
             numbers.iter().position(|number| number.name == name).ok_or_else(|| {
                 let fault = if numbers.is_empty() {
                     let why =
-                        "no number of the device has an uncertainty; write one behind it, such as `± 0.3 %`";
+                        "no number of the device has an uncertainty; write one after it, such as `± 0.3 %`";
                     ConfigFault::Value { why: why.to_owned() }
                 } else {
                     ConfigFault::unknown_key(name, known())

@@ -42,7 +42,7 @@ impl DeviceUses {
             return refuse(key, "it is for a device whose signal passes a threshold; leave it out");
         }
         if !self.angles && experiment.estimate.as_ref().is_some_and(|estimate| estimate.parts.is_some()) {
-            let why = "this device has no angle whose error could be told in parts; leave it out";
+            let why = "this device has no angle whose error has parts; leave it out";
             return refuse(Key::from("estimate.parts"), why);
         }
         if let Some(key) = self.event_key(experiment) {

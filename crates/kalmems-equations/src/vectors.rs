@@ -193,7 +193,7 @@ impl WrittenOut<'_> {
             (sign, start) = (next, end + 1);
         }
         sum.ok_or_else(|| {
-            let expected = "a whole number, or an index with what is added to it, such as `i + 1` behind `x[i=1..6]` or in `sum(i = 1..6, …)`";
+            let expected = "a whole number, or an index with what is added to it, such as `i + 1` after `x[i=1..6]` or in `sum(i = 1..6, …)`";
             let (found, expected) = (format!("`{}`", text.trim()), expected.to_owned());
             (span, EquationFault::Syntax { found, expected })
         })

@@ -129,7 +129,7 @@ impl Arrays {
             }
             if array.rows() != rows || (!missing.is_empty() && missing.len() != rows) {
                 let first = arrays.first().map_or("", |first| first.name.as_str());
-                let what = format!("`{name}` of {} samples beside `{first}` of {rows}", array.rows());
+                let what = format!("`{name}` of {} samples next to `{first}` of {rows}", array.rows());
                 return refuse(what, "give columns of one length, each with as many samples as its mask");
             }
             if !names.insert(name.trim()) {

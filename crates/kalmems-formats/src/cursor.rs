@@ -95,7 +95,7 @@ impl<'a> ByteCursor<'a> {
     /// A text up to a zero byte.
     pub(crate) fn name(&mut self) -> Result<String> {
         let end = self.bytes[self.at..].iter().position(|byte| *byte == 0);
-        let end = end.ok_or_else(|| self.damaged("a name without an end", "a zero byte behind it"))?;
+        let end = end.ok_or_else(|| self.damaged("a name without an end", "a zero byte after it"))?;
         let name = self.text(end)?;
         self.skip(1)?;
         Ok(name)

@@ -232,7 +232,7 @@ impl StretchReader {
         let packed = self.engine.as_ref().map_or(self.packed(), Decompress::total_in);
         let (found, expected) = match more {
             Ok(0) if packed == self.packed() => return Ok(()),
-            Ok(0) => (format!("{} bytes behind it", self.packed() - packed), "none"),
+            Ok(0) => (format!("{} bytes after it", self.packed() - packed), "none"),
             Ok(_) => ("more bytes".to_owned(), "its end, as its length is stated"),
             Err(error) => (
                 format!("packed bytes that do not end, or whose checksum is another one ({error})"),

@@ -93,7 +93,7 @@ fn dialects_of_instruments() {
         ),
         (
             "tektronix_tds.csv",
-            "written by a Tektronix TDS oscilloscope, separated by commas, settings beside the first rows",
+            "written by a Tektronix TDS oscilloscope, separated by commas, settings next to the first rows",
             "time_s CH2_V",
             &[&[-5e-4, 0.008], &[-4.996e-4, 0.016], &[-4.992e-4, 0.008], &[-4.988e-4, 0.0]],
         ),

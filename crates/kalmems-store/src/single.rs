@@ -97,7 +97,7 @@ fn standing(path: &Path) -> Result<Option<PathBuf>, OutputError> {
 /// Puts a regular file aside, if that is wanted; it is not replaced then.
 fn put_aside(path: &Path, wanted: bool, what: &'static str) -> Result<bool, OutputError> {
     if !wanted {
-        let remedy = "give another path, or --force to keep the file beside it, as PATH.previous";
+        let remedy = "give another path, or --force to keep the file next to it, as PATH.previous";
         return Err(OutputError::File { path: path.to_owned(), what, remedy });
     }
     keep_aside(path).map_err(|source| OutputError::Io { path: path.to_owned(), source })?;

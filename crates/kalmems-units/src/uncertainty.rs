@@ -27,7 +27,7 @@ pub(crate) fn parse(
     let (number, own) = stated.split_at(number_length(stated));
     let own = own.trim();
     if number.is_empty() || number.starts_with(['-', '+']) {
-        return Err(refused("behind ± a number of 0 or more is expected, such as `± 0.3 %`".to_owned()));
+        return Err(refused("after ± a number of 0 or more is expected, such as `± 0.3 %`".to_owned()));
     }
     let found = match own {
         "%" if unit_text != "%" => si.abs() * Unit::parse("%")?.scale(number),

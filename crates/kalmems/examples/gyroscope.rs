@@ -230,6 +230,6 @@ fn noise_figure(shares: &[NoiseShare]) -> Figure {
     .with(line("identified gaps, true gains", SeriesRole::Measured, |s| s.by_gap))
     .with(line("identified gains, true gaps", SeriesRole::Model, |s| s.by_gain))
     .with(line("both, as identified together", SeriesRole::Estimate, |s| s.by_both))
-    .with(line("filter with the right model", SeriesRole::Bound, |s| s.by_filter));
+    .with(line("filter with the true model", SeriesRole::Bound, |s| s.by_filter));
     Figure::new("calibration-noise", "From sensor noise to the scale factor", "").with(panel)
 }

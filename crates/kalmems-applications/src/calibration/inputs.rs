@@ -11,7 +11,7 @@ pub const PROBABILITY: f64 = 0.95;
 /// How noise is known.
 pub const FROM_NOISE: &str = "measured, residuals";
 /// How what the device behind an estimated motion adds is known.
-pub const FROM_DEVICE: &str = "of the device behind the estimate";
+pub const FROM_DEVICE: &str = "of the device of the estimate";
 /// How scatter is known.
 pub const FROM_SCATTER: &str = "measured, between records";
 const FROM_WANDER: &str = "measured, within records";

@@ -41,7 +41,7 @@ pub struct NoiseShare {
     pub by_gain: f64,
     /// By both as they were identified together: their errors belong to each other and nearly cancel.
     pub by_both: f64,
-    /// By a filter with the right model: the root of the mean variance of its rate, by the rate's amplitude.
+    /// By a filter with the true model: the root of the mean variance of its rate, by the rate's amplitude.
     pub by_filter: f64,
 }
 

@@ -394,7 +394,7 @@ pub(super) fn describe(motion: &RestMotion, interval_s: f64, unit: &str) -> Stri
              rest.",
             frequency / interval_s
         ),
-        RestMotion::Unknown => "its gaps leave fewer than 16 pieces of equal length, or fewer than half of them: whether it moves cannot be told."
+        RestMotion::Unknown => "its gaps leave fewer than 16 pieces of equal length, or fewer than half of them: whether it moves is not known."
             .to_owned(),
     }
 }

@@ -160,7 +160,7 @@ impl fmt::Display for ReducedCircuit {
         let [first, second] = self.poles_hz;
         write!(
             f,
-            "y = {:.4} V/pF · C {} {:.4} V behind poles at {:.1} and {:.1} kHz and a delay of {:.2} µs, to {:.2} %",
+            "y = {:.4} V/pF · C {} {:.4} V after poles at {:.1} and {:.1} kHz and a delay of {:.2} µs, to {:.2} %",
             gain * 1e-12,
             if offset < 0.0 { '−' } else { '+' },
             offset.abs(),

@@ -10,7 +10,7 @@ pub enum Grade {
     Passes,
     /// No test contradicts them, and there is a remark that a reader should know.
     PassesWithRemarks,
-    /// A test finds in the innovations what those of a filter with the right model do not show; the errors may be larger than claimed.
+    /// A test finds in the innovations what those of a filter with the true model do not show; the errors may be larger than claimed.
     Doubtful,
     /// The estimate is wrong, or its claimed standard deviation is wrong by a large factor.
     Failed,
@@ -38,7 +38,7 @@ impl Grade {
                 "No test contradicts the estimate or its claimed standard deviation; the remarks say what a reader should know."
             }
             Self::Doubtful => {
-                "The innovations show what those of a filter with the right model do not show: the errors may be larger than the claimed standard deviations."
+                "The innovations show what those of a filter with a true model do not show: the errors may be larger than the claimed standard deviations."
             }
             Self::Failed => {
                 "The estimate is wrong, or its claimed standard deviation is wrong by a large factor."

@@ -62,7 +62,7 @@ pub fn input_of(
             let duration_s =
                 sweep.lasting.as_ref().map_or_else(|| simulate.duration.si() - begins_s, Quantity::si);
             if duration_s <= 0.0 {
-                let why = "it begins behind the end of the recording; say an earlier time".to_owned();
+                let why = "it begins after the end of the recording; state an earlier time".to_owned();
                 return Err(place.refused("sweep.begins", why).into());
             }
             before_s = (-begins_s).max(0.0);
@@ -95,8 +95,10 @@ pub fn input_of(
             for (place_of, step) in steps.step.iter().enumerate() {
                 let value = experiment.value(key(place_of).child("value"), &step.value, kind, Sign::Any)?;
                 if times.last().is_some_and(|(before_s, _)| *before_s >= step.at.si()) {
-                    let why =
-                        format!("`{}` is not behind the jump before it; write them in order", step.at.text());
+                    let why = format!(
+                        "`{}` is not later than the jump before it; write them in order",
+                        step.at.text()
+                    );
                     return Err(experiment
                         .error(key(place_of).child("at"), ConfigFault::Value { why })
                         .into());

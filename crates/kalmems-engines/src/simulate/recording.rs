@@ -146,7 +146,7 @@ pub enum SimulateError {
         time_s: f64,
     },
     /// The motion left the points of a table.
-    #[error("behind {} s the motion goes where the device is not described: {why}", number(*time_s))]
+    #[error("after {} s the motion goes where the device is not described: {why}", number(*time_s))]
     NotDescribed {
         /// The last time at which it was described.
         time_s: f64,

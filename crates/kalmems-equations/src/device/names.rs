@@ -132,7 +132,7 @@ impl DescriptionNames {
             Err(EquationError::whole(place, "", EquationFault::Name { name: name.to_owned(), why }))
         };
         if !is_name(name) {
-            return refuse("a name is a letter or `_`, and letters, digits and `_` behind it".to_owned());
+            return refuse("a name is a letter or `_`, and letters, digits and `_` after it".to_owned());
         }
         if is_of_the_language(name) {
             return refuse("it is a word of the language; take another one".to_owned());

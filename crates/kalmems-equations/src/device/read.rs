@@ -246,7 +246,7 @@ impl<'a> ReadResult<'a> {
         for entry in entries {
             let text = ParsedText::read(entry)?;
             let Some((unit, span)) = text.tree.unit.clone() else {
-                let why = format!("{what} states its unit; write it behind `in`, such as `… in V`");
+                let why = format!("{what} states its unit; write it after `in`, such as `… in V`");
                 return Err(text.error(&(0..entry.text.len()), EquationFault::Missing(why)));
             };
             let value = self.resolver.value(&text)?;
@@ -319,7 +319,7 @@ pub(super) fn twice(entry: &NamedText, what: &str) -> EquationError {
 fn unit_of(of: &ParsedText) -> Result<NamedText, EquationError> {
     let Some((_, span)) = &of.tree.unit else {
         let fault = EquationFault::Missing(
-            "what becomes a state states its unit; write it behind `in`, such as `… in V`".to_owned(),
+            "what becomes a state states its unit; write it after `in`, such as `… in V`".to_owned(),
         );
         return Err(of.error(&(0..of.entry.text.len()), fault));
     };

@@ -236,7 +236,7 @@ impl Resolver {
             let wanted = UnitKnowledge::Exact(unit.dimension());
             if value.quantity.plus(wanted).is_none() {
                 let root = text.tree.terms.last().map_or(0..0, |term| term.span.clone());
-                let because = "stands behind `in`".to_owned();
+                let because = "stands after `in`".to_owned();
                 let expected = text.word(span).to_owned();
                 let error = text.error(&root, unlike("this", value.quantity, expected, because));
                 return Err(

@@ -259,7 +259,7 @@ impl EmitRequest {
         }
         let named = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
         if !(self.name.starts_with(|c: char| c.is_ascii_lowercase()) && self.name.chars().all(named)) {
-            let expected = "a lower-case letter, and behind it lower-case letters, digits and `_`";
+            let expected = "a lower-case letter, and after it lower-case letters, digits and `_`";
             return Err(EmitError::request("name", &format!("`{}`", self.name), expected));
         }
         if !(self.interval_s > 0.0 && self.interval_s.is_finite()) {

@@ -115,7 +115,7 @@ pub(crate) static LAWS: &[Law] = &[
             ("blocking_capacitance", ArgumentUnit::Unit("F")),
         ],
         value: ArgumentUnit::As(1),
-        formula: "amplitude of the carrier behind capacitance into shunt, parallel and blocking capacitance and input",
+        formula: "amplitude of the carrier after capacitance into shunt, parallel and blocking capacitance and input",
     },
     Law {
         id: LawId::Disks,

@@ -305,7 +305,7 @@ impl Parser<'_> {
         self.push(TermForm::Partial { of, by }, name.start..close.span.end)
     }
 
-    /// What stands behind `in`.
+    /// What stands after `in`.
     fn unit_of_the_whole(&mut self) -> Result<Option<(Unit, Range<usize>)>, SyntaxFailure> {
         if self.next.kind != TokenKind::Name || self.word(&self.next.span) != "in" {
             return Ok(None);
@@ -315,7 +315,7 @@ impl Parser<'_> {
         let start = span.start + (text.len() - text.trim_start().len());
         let span = start..start + text.trim().len();
         if span.is_empty() {
-            let expected = "a unit behind `in`, such as `V`".to_owned();
+            let expected = "a unit after `in`, such as `V`".to_owned();
             return Err((span, EquationFault::Syntax { found: "the end".to_owned(), expected }));
         }
         let unit =

@@ -73,7 +73,7 @@ fn stray(start: usize, found: char) -> (Range<usize>, EquationFault) {
         '·' | '×' => "`*` for a product",
         '²' => "`^2` for a square",
         '³' => "`^3` for a cube",
-        '=' => "an expression alone; its name is the key that it stands behind",
+        '=' => "an expression alone; its name is the key before it",
         '{' | '}' => "`(` and `)`",
         _ => "a number, a name, or one of + - * / ^ ( ) , < >",
     };

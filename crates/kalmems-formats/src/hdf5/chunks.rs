@@ -39,7 +39,7 @@ impl ChunkGrid {
         let repack = "repack it, for instance with h5repack -l CHUNK=16384";
         limits::at_most(FORMAT, &format!("the bytes of a chunk of `{place}` ({repack})"), chunk, BAND_BYTES)?;
         let band = self.chunk_rows.saturating_mul(self.columns).saturating_mul(element);
-        let what = format!("the bytes of the chunks beside each other of `{place}` ({repack})");
+        let what = format!("the bytes of neighbouring chunks of `{place}` ({repack})");
         limits::at_most(FORMAT, &what, band, BAND_BYTES)?;
         let chunks =
             self.rows.div_ceil(self.chunk_rows).saturating_mul(self.columns.div_ceil(self.chunk_columns));

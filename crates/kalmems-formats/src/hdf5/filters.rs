@@ -112,7 +112,7 @@ fn inflate(packed: &[u8], limit: usize) -> Result<Vec<u8>, String> {
         engine.decompress(packed, &mut unpacked, FlushDecompress::Finish).map_err(|e| e.to_string())?;
     refuse_if(status != Status::StreamEnd, || "packed bytes that unpack to more, or do not end".to_owned())?;
     let left = packed.len() as u64 - engine.total_in();
-    refuse_if(left > 0, || format!("{left} bytes behind what is packed"))?;
+    refuse_if(left > 0, || format!("{left} bytes after what is packed"))?;
     unpacked.truncate(usize::try_from(engine.total_out()).unwrap_or(limit));
     Ok(unpacked)
 }

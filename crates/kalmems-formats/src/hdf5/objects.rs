@@ -117,7 +117,7 @@ impl LinkedFiles {
         let beside = || Some(folder.join(Path::new(name).file_name()?));
         let candidates = [Some(folder.join(name)), beside()];
         let Some(path) = candidates.into_iter().flatten().find(|path| path.is_file()) else {
-            return Ok(Err("which is not beside this one: put it there".to_owned()));
+            return Ok(Err("which is not next to this one: put it there".to_owned()));
         };
         if let Some((_, file)) = self.others.iter().find(|(known, _)| *known == path) {
             return Ok(Ok(Arc::clone(file)));

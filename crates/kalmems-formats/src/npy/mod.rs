@@ -102,7 +102,7 @@ impl NpyArray {
         let other = matches!(header.element, Descr::Plain(Cell::Other { .. }));
         if bytes != there && !other {
             let place = stretch.name.clone();
-            let found = format!("{there} bytes behind the header");
+            let found = format!("{there} bytes after the header");
             let expected = format!("{bytes}, for the shape {}", shape_text(&header.shape));
             return Err(FormatError::damaged(format, place, found, expected));
         }

@@ -193,7 +193,7 @@ fn arrays_that_claim_too_much_are_refused() {
         "the number of rows that it claims is 1000000000000",
     );
     refused(&npy(&header("4000000000, 4000000000, 4000000000"), 800), &hints, "the number of elements");
-    refused(&npy(&header("200,"), 800), &hints, "800 bytes behind the header; expected 1600");
+    refused(&npy(&header("200,"), 800), &hints, "800 bytes after the header; expected 1600");
     refused(&npy("{'descr': '|O', 'fortran_order': False, 'shape': (1,), }", 8), &hints, "Python objects");
     refused(&npy(&"[".repeat(60_000), 8), &hints, "fewer brackets");
     // A parser that tries each bracket in two ways takes 2ⁿ steps.

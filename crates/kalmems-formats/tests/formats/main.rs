@@ -485,7 +485,7 @@ fn columns_that_are_left_out_are_named_with_what_to_do() {
         ("refused.h5", "`cube` (3 axes)"),
         (
             "refused.h5",
-            "`far` (a link to `/cap` in the file `other.h5`, which is not beside this one: put it there)",
+            "`far` (a link to `/cap` in the file `other.h5`, which is not next to this one: put it there)",
         ),
         ("refused.h5", "`image` (20 rows and 90 columns: write `group = \"/image\"` and `columns`)"),
         ("refused.h5", "`rate` (a single value)"),

@@ -131,7 +131,7 @@ fn crest_distance() -> Item {
             Figure::new(
                 "figure-3-12_distance",
                 "Crest to trough of 2A over the gap",
-                "How far the trough is behind the crest, for two drives of the printed stage.",
+                "How much later the trough is than the crest, for two drives of the printed stage.",
             )
             .with(panel),
         )

@@ -24,8 +24,8 @@ pub(super) fn page(reproduction: &Reproduction) -> Result<String, ReportError> {
         overview = overview.paragraph(*premise);
     }
     let mut page = Page::new(
-        format!("{}: the papers beside ours", program.title),
-        "What the papers print beside what is computed and simulated here",
+        format!("{}: the papers next to ours", program.title),
+        "What the papers print next to what is computed and simulated here",
     )
     .with(overview);
     for item in &reproduction.items {

@@ -24,7 +24,7 @@ pub static AMPLIFIED: ItemHead = ItemHead {
 /// S Figure 5: the demodulation.
 pub static DEMODULATED: ItemHead = ItemHead {
     key: "figure-5",
-    title: "lines behind the envelope detector and the low-pass stages",
+    title: "lines after the envelope detector and the low-pass stages",
     kind: ItemKind::Figure,
     places: &[PaperPlace { paper: "S", label: "Figure 5", page: "section II-C" }],
     origin: ValueOrigin::Measured,

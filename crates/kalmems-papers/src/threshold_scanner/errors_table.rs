@@ -37,7 +37,7 @@ pub static ORDER: ItemHead = ItemHead {
 /// The same with a model that is right.
 pub static PERFECT: ItemHead = ItemHead {
     key: "table-4-3-perfect",
-    title: "thresholds beside a model that is right",
+    title: "thresholds with a true model",
     kind: ItemKind::Table,
     places: &[
         PaperPlace { paper: "T", label: "Section VI-B", page: "" },

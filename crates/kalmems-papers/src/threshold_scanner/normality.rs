@@ -102,7 +102,7 @@ fn steady(work: &PartWork, bench: &ThresholdBench) -> Result<Item, ReproduceErro
     });
     let figure = Figure::new(
         "figure-4-8_quantiles",
-        "Errors of the threshold angle beside a normal distribution",
+        "Errors of the threshold angle and a normal distribution",
         "Each error over the normal quantile of its rank. On the line are errors that are normally distributed.",
     );
     let panels = [("15 samples", 0), ("30 µs", batches)];
@@ -184,7 +184,7 @@ fn decays(work: &PartWork, bench: &ThresholdBench) -> Result<Item, ReproduceErro
     let mut refused = [Refusals { refused: 0, of: batches }; 4];
     let mut figure = Figure::new(
         "figure-4-9_quantiles",
-        "Errors of the threshold angle beside normal distributions",
+        "Errors of the threshold angle and normal distributions",
         "Each error of all trials over the normal quantile of its rank, in the four quarters of the decay. On the line are \
          errors that are normally distributed.",
     );

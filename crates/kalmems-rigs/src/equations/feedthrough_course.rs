@@ -32,7 +32,7 @@ impl SimulatedFeedthrough {
         let drive = &inputs[*input].drive;
         let rate = drive.rate().ok_or_else(|| {
             let why = format!(
-                "what `{}` makes of the signals beside the motion depends on its rate, and this drive jumps; take a sine",
+                "what `{}` makes of the signals next to the motion depends on its rate, and this drive jumps; take a sine",
                 own.device.inputs()[*input].name
             );
             experiment.error("simulate.drive", ConfigFault::Value { why })

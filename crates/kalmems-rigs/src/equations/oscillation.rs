@@ -215,7 +215,7 @@ impl MeasuredOscillation {
         };
         if let Some(other) = all.mixes(&own.values, &others) {
             return Err(format!(
-                "its measurement is no sum of a part of `{of}` and one of `{}`, so that the lines of both are not told apart; use `ekf`",
+                "its measurement is no sum of a part of `{of}` and one of `{}`, so that the lines of both are not distinguished; use `ekf`",
                 named(other)
             ));
         }

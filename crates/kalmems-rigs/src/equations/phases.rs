@@ -37,7 +37,7 @@ pub fn wanted(experiment: &Experiment, settings: &EquationSettings) -> Result<Si
     let named = device.quantities().iter().map(|named| &*named.name);
     if let Some(name) = named.into_iter().find(|name| ["amplitude", PHASE].contains(name)) {
         return refused(format!(
-            "the quantity `{name}` of the device has the name of what is to be told; give it another name"
+            "the quantity `{name}` of the device has the name of what the filter gives; give it another name"
         ));
     }
     let Some(natural_hz) = own.natural_hz() else {

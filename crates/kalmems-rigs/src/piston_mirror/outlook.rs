@@ -90,7 +90,7 @@ fn front_end(mirror: &PistonMirror, stated: &StatedMotion) -> OutlookTopic {
         return topic.with(
             "front_end_af_per_root_hz",
             [],
-            "The file describes no carrier circuit, `[device.piston_mirror.readout.front_end]`, to set beside it.",
+            "The file describes no carrier circuit, `[device.piston_mirror.readout.front_end]`, to compare it with.",
         );
     };
     let divider = divider(circuit);

@@ -81,7 +81,7 @@ impl WholeRun {
         let elsewhere = after.density - self.density - gain;
         (elsewhere < -LESS_LIKELY).then(|| {
             format!(
-                "nothing of it is to be written: the rows behind those that were looked at would be less likely (ln p falls by {:.0})",
+                "nothing of it is to be written: the rows after those that were looked at would be less likely (ln p falls by {:.0})",
                 -elsewhere
             )
         })

@@ -811,7 +811,7 @@ fn of_the_mean_nis(estimator: &EstimatorMetrics, consistency: &NisConsistency) -
             "the mean NIS of {mean_nis:.3} lies below {lower:.3}, so that the filter claims larger errors than it makes"
         ),
         _ => format!(
-            "the mean NIS of {mean_nis:.3} lies above {upper:.3}, as it does in 25 of 1000 recordings with the right model"
+            "the mean NIS of {mean_nis:.3} lies above {upper:.3}, as it does in 25 of 1000 recordings with a true model"
         ),
     }
 }

@@ -207,7 +207,7 @@ impl std::fmt::Display for TestResult {
         let about = if self.p_value < 1e-300 { "below 1e-300".to_owned() } else { format!("{chance:.0e}") };
         write!(
             f,
-            "; with the right model the probability of this is {about}. The usual cause: {}",
+            "; with a true model the probability of this is {about}. The usual cause: {}",
             test.usual_cause()
         )
     }

@@ -136,7 +136,7 @@ fn waveforms(hardware: &StageHardware, fitted: &GapFit) -> Option<Figure> {
 fn crest_distance(hardware: &StageHardware, fitted: &GapFit) -> Option<Figure> {
     let (electrode, by) = fitted.electrodes.iter().find(|(_, by)| by.crests.is_some())?;
     let channel = &hardware.channels[*electrode];
-    let caption = "How far the trough is behind the crest of a signal, as a part of the cycle, over the gap, for the motion \
+    let caption = "How much later the trough is than the crest of a signal, as a part of the cycle, over the gap, for the motion \
                    of each record; the points are the records at the gap that was found by this distance.";
     let gap = by.crests?.gap.value;
     let mut panel = Panel::new(Axis::new("gap", "m"), Axis::new("crest to trough, of the cycle", "%"));

@@ -28,7 +28,7 @@ pub fn exported(experiment: &Experiment, place: usize) -> Result<Option<Threshol
         |why: &str| Err(ExportError::Filter { filter: filter.name.to_string(), why: why.to_owned() });
     if filter.method != Method::Ekf || filter.variant.unwrap_or_default() != Variant::Full {
         return refuse(
-            "of the filters that are told of crossings, the method `ekf` with the variant `full` can be exported",
+            "of the filters that use crossings, the method `ekf` with the variant `full` can be exported",
         );
     }
     if !filter.states.is_empty() {

@@ -153,7 +153,7 @@ fn budget(metrics: &Metrics) -> Option<PageSection> {
         section = section.table(table);
     }
     if !metrics.held_as_exact.is_empty() {
-        let text = "Held as exact, since no uncertainty is stated behind them in the device's table: ";
+        let text = "Held as exact, since the device's table states no uncertainty of them: ";
         section = section.paragraph(format!("{text}{}.", metrics.held_as_exact.join(", ")));
     }
     (!section.blocks.is_empty()).then_some(section)
@@ -164,7 +164,7 @@ fn meaning(experiment: &Experiment, metrics: &Metrics) -> String {
     if !metrics.values.is_empty() {
         return "Errors are estimate minus reference, after the settling time. With the right model the mean NIS lies in its interval in 95 of 100 \
              recordings. A filter passes if no test of its innovations, of its parameters and of its errors against the reference finds \
-             what a filter with the right model shows in less than one of a million recordings."
+             what a filter with the true model shows in less than one of a million recordings."
             .to_owned();
     }
     let sign = match experiment.estimate.as_ref().and_then(|e| e.first_peak) {
@@ -279,7 +279,7 @@ fn tests(segment: &SegmentMetrics) -> TextTable {
         .collect();
     let columns = std::iter::once(ColumnHead::text("test"))
         .chain(tested.iter().map(|e| ColumnHead::number(&e.name, "")));
-    let caption = "Tests of the innovations: how probable what they find is for a filter that is right; one fails below 1e-6";
+    let caption = "Tests of the innovations: how probable what they find is for a consistent filter; one fails below 1e-6";
     let mut table = TextTable::new(caption, columns);
     let mut all: Vec<InnovationTest> = tested.iter().flat_map(|e| &e.tests).map(|found| found.test).collect();
     all.sort_unstable();

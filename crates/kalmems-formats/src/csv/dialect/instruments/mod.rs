@@ -75,7 +75,7 @@ impl TextBeginning<'_> {
             (column_name("time", Some(&seconds), time), ColumnOrigin::Cell(time)),
             (column_name(&source, stated("Vertical Units").as_deref(), value), ColumnOrigin::Cell(value)),
         ];
-        let mut found = self.found(instrument, 0, 0, columns, "settings beside the first rows");
+        let mut found = self.found(instrument, 0, 0, columns, "settings next to the first rows");
         found.point = Some(b'.');
         Some(found)
     }
