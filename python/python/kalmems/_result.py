@@ -50,6 +50,16 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
+class Reference:
+    """The independent measurement of a state."""
+
+    time: Numbers
+    """The times of its samples in s, its delay taken off."""
+    values: Numbers
+    """The values in the unit of the state; not a number if missing."""
+
+
+@dataclass(frozen=True, eq=False)
 class SignalInnovations:
     """The innovations of a signal after the first one, each predicted by the past and the signals before it."""
 
@@ -205,6 +215,8 @@ class Segment:
     """The settling time in s, which is not scored."""
     metrics: dict[str, Any] = field(repr=False)
     trajectories: list[Trajectory] = field(repr=False)
+    references: dict[str, Reference] = field(default_factory=dict, repr=False)
+    """What the reference knows of each state, for those that it has and that the module hands over."""
 
     def __getitem__(self, name: str) -> Trajectory:
         """A filter's answer, by its name or its key."""
@@ -346,16 +358,28 @@ class Result:
         return [str(figure["id"]) for figure in self._figures()]
 
     def plot(
-        self, state: str | None = None, *, figure: str | None = None, ax: Any = None, band: float = 2.0
+        self,
+        state: str | None = None,
+        *,
+        figure: str | None = None,
+        window: tuple[float | None, float | None] | None = None,
+        ax: Any = None,
+        band: float = 2.0,
     ) -> Any:
-        """Draws a state of all filters over time, each with its claim of `band` standard deviations, or a `figure` of the report by its name,
-        such as `"nis"` (needs matplotlib). Returns the axes: of a figure an array of them, from top to bottom."""
+        """Draws a state of all filters over time, each with its claim of `band` standard deviations (needs matplotlib). Returns the axes.
+
+        The last cycles of the motion in the last segment are drawn, or its last 2000 samples if the frequency of the motion is not known.
+        `window=(0.01, 0.02)` draws all segments from 10 ms to 20 ms, and `None` for an end leaves it open: `window=(None, None)` draws all.
+        More than 4000 samples are drawn by the extremes of each pixel column, for the width that the axes have now.
+
+        `figure` draws a figure of the report instead, such as `"nis"`; see `figure_names`. Its axes are an array, from top to bottom.
+        """
         from . import _plot
 
         if figure is None:
-            return _plot.plot(self, state, ax, band)
-        if state is not None or ax is not None:
-            raise ValueError("a figure of the report has states and axes of its own; leave `state` and `ax` out")
+            return _plot.plot(self.segments, state, window, ax, band)
+        if state is not None or ax is not None or window is not None:
+            raise ValueError("a figure of the report has states and axes of its own; leave `state`, `window` and `ax` out")
         return _plot.draw(_plot.chosen(self._figures(), figure))
 
     def __repr__(self) -> str:
@@ -396,9 +420,9 @@ def _segment(own: dict[str, Any], told: dict[str, Any]) -> Segment:
         trajectories.append(
             Trajectory(states=states, rejected=rejected, signal_unit=unit, further=further, metrics=metrics, **one)
         )
-    return Segment(
-        own["recording"], own["label"], own["stretch"], own["signal"], own["skip"], metrics=told, trajectories=trajectories
-    )
+    references = {state: Reference(time, values) for state, time, values in own.get("references", ())}
+    heads = (own["recording"], own["label"], own["stretch"], own["signal"], own["skip"])
+    return Segment(*heads, metrics=told, trajectories=trajectories, references=references)
 
 
 @dataclass(frozen=True)
