@@ -15,13 +15,15 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from . import _kalmems, _places
 from ._needed import needed
-from ._recording import Recording
+from ._recording import as_recording
+from ._tables import is_path
 
 if TYPE_CHECKING:
     from ._experiment import Experiment
 
 File: TypeAlias = "str | os.PathLike[str]"
-Many: TypeAlias = "File | Iterable[File] | Mapping[str, Recording | File]"
+Many: TypeAlias = "File | Iterable[File] | Mapping[str, Any]"
+"""Files, or recordings, tables and files by names of one's own."""
 
 
 class Batch:
@@ -103,7 +105,7 @@ def _given(recordings: Many, scratch: Path) -> list[tuple[str, Path | None, _kal
     """Each recording by its name: its file, here, or its columns."""
     if isinstance(recordings, Mapping):
         return [
-            (str(name), None, one._native) if isinstance(one, Recording) else (str(name), _places.fetched(one, scratch), None)
+            (str(name), _places.fetched(one, scratch), None) if is_path(one) else (str(name), None, as_recording(one)._native)
             for name, one in recordings.items()
         ]
     files = [recordings] if isinstance(recordings, (str, os.PathLike)) else list(recordings)
