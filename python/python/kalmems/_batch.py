@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import html
 import io
 import json
@@ -13,9 +12,10 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from . import _kalmems, _places
+from . import _kalmems, _places, _rows
 from ._needed import needed
 from ._recording import as_recording
+from ._rows import Cell
 from ._tables import is_path
 
 if TYPE_CHECKING:
@@ -48,9 +48,9 @@ class Batch:
     def _read(self, name: str) -> bytes:
         return _places.read(f"{self.folder}/{name}")
 
-    def rows(self, table: str = "summary") -> list[dict[str, str]]:
-        """The rows of `summary`, one for each recording, or of `results`."""
-        return list(csv.DictReader(self._read(f"{table}.csv").decode().splitlines()))
+    def rows(self, table: str = "summary") -> list[dict[str, Cell]]:
+        """The rows of `summary`, one for each recording, or of `results`: numbers, booleans and texts, and `None` for an empty cell."""
+        return _rows.read(self._read(f"{table}.csv").decode())
 
     def to_pandas(self, table: str = "summary") -> Any:
         """One of both tables as a `pandas.DataFrame`."""

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterable, Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from . import _kalmems
+from . import _html, _kalmems
 from ._batch import Batch, Many, estimate_many
 from ._errors import ExperimentError, RecordingError, VerdictError, VerdictWarning
 from ._recording import Recording, as_recording, explained
@@ -113,13 +113,13 @@ class Experiment:
         with given.explained():
             outcome = _kalmems.estimate(of._text, of._path, of._has_lines, given.recordings, given.references, progress)
         result = Result._of(outcome)
-        failing = outcome.not_trusted()
+        failing = ", ".join(outcome.not_trusted())
+        if failing and strict:
+            reasons = "; ".join(notice.text for notice in result.notices if notice.severity in ("warning", "failure"))
+            raise VerdictError(f"not every answer can be trusted: {failing}. {reasons}", result)
         if failing:
-            told = "; ".join(notice.text for notice in result.notices if notice.severity in ("warning", "failure"))
-            message = f"not every answer can be trusted: {', '.join(failing)}. {told}"
-            if strict:
-                raise VerdictError(message, result)
-            warnings.warn(message, VerdictWarning, stacklevel=2)
+            # One sentence, since a notebook shows the notices with the result.
+            warnings.warn(f"not every answer can be trusted: {failing}; `result.notices` says why", VerdictWarning, stacklevel=2)
         return result
 
     def estimate_many(
@@ -219,8 +219,27 @@ class Experiment:
     def __repr__(self) -> str:
         return f"<Experiment {self.name!r}, device {self.device}>"
 
+    def _repr_html_(self) -> str:
+        document = self.to_dict()
+        texts = [self.description, f"Device: `{self.device}`"]
+        parts = [_html.heading(self.name), *(_html.paragraph(text) for text in texts if text)]
+        recordings = document.get("recording", [])
+        if recordings:
+            rows = [[str(one.get(key, "")) for key in ("name", "role", "file")] + [_listed(one.get("channels", {}))] for one in recordings]
+            parts.append(_html.table(["recording", "role", "file", "channels"], rows))
+        filters = document.get("estimate", {}).get("filter", [])
+        if filters:
+            names = ", ".join(str(one.get("name", one.get("kind", ""))) for one in filters)
+            parts.append(_html.paragraph(f"Filters: {names}"))
+        return "\n".join(parts)
+
     def __reduce__(self) -> tuple[Any, ...]:
         return (Experiment._of, (self._text, self._path, self._has_lines))
+
+
+def _listed(channels: Mapping[str, Any]) -> str:
+    """Channels with their columns, such as `signal: cap_V`."""
+    return ", ".join(f"{name}: {of.get('column', '') if isinstance(of, Mapping) else of}" for name, of in channels.items())
 
 
 class _Given:
