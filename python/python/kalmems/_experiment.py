@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 import warnings
-from collections.abc import AsyncIterable, Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -15,7 +15,7 @@ from ._batch import Batch, Many, estimate_many
 from ._errors import ExperimentError, RecordingError, VerdictError, VerdictWarning
 from ._recording import Recording, as_recording, explained
 from ._result import Diagnosis, Identification, Result, Simulation
-from ._stream import Stream
+from ._stream import Source, Stream
 from ._study import Study
 from ._tables import is_path, is_table, local
 
@@ -202,10 +202,10 @@ class Experiment:
             document["figure"] = list(figures)
         return Study(self, document)
 
-    def stream(
-        self, source: Iterable[bytes | str] | AsyncIterable[bytes | str], *, state: str | os.PathLike[str] | None = None
-    ) -> Stream:
+    def stream(self, source: Source, *, state: str | os.PathLike[str] | None = None) -> Stream:
         """Estimates samples while they arrive, as the table `stream` says: an iterator, with `async for` as well, over estimates and events.
+
+        `source` gives pieces of bytes, text or arrays, or is an array or a table itself; see `Stream`.
 
         Where `state` names a file, what is needed to go on is kept there.
         """
