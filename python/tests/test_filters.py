@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import doctest
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -156,15 +159,125 @@ def test_compiled_functions_of_another_signature_are_refused() -> None:
         model(one, numba.cfunc("float64(float64)")(lambda x: x)).run(z, [0], [[1]])
 
 
+def test_the_examples_of_the_documentation_give_what_they_say() -> None:
+    failed, tried = doctest.testmod(filters)
+    assert failed == 0 and tried >= 14
+    for one in (filters.kalman, filters.Ekf, filters.Ukf, filters.Filtered, filters.Smoothed):
+        assert ">>> " in (one.__doc__ or "")
+
+
+def test_filters_and_what_they_give_say_what_they_are() -> None:
+    z = measured()
+    z[3] = np.nan
+    found = filters.kalman(z, F, H, Q, R, X0, P0, smooth=True)
+    assert repr(found).startswith("<Filtered: 400 samples of 2 states and 1 measurement, 1 of them without an update, log-likelihood ")
+    assert repr(found.smoothed) == "<Smoothed: 400 samples of 2 states>"
+    assert repr(filters.Ukf(see, see, Q=Q, R=0.04)) == "Ukf(f=see, h=see, alpha=1, beta=2, kappa=1, Q=[[0.0001, 0.0], [0.0, 0.001]], R=0.04)"
+
+
+def linear(**other: Any) -> filters.Ekf:
+    """The linear model as functions, with other ones in place of some."""
+    model = {"f": lambda x: F @ x, "h": lambda x: H @ x, "F": lambda x: F, "H": lambda x: H, "Q": Q, "R": R}
+    return filters.Ekf(**{**model, **other})
+
+
+def off(matrix: np.ndarray, place: tuple[int, int], by: float) -> np.ndarray:
+    changed = matrix.astype(float)
+    changed[place] += by
+    return changed
+
+
+REFUSED: list[tuple[Callable[[np.ndarray], object], str]] = [
+    (lambda z: filters.kalman(z, F, H, Q, R, X0, [[1, 0.5], [0, 1]]), r"`P0` is not symmetric: element \(0, 1\) is 0.5 and \(1, 0\) is 0; give `\(P0 \+ P0.T\) / 2`"),
+    (lambda z: filters.kalman(z, F, H, off(Q, (0, 1), 1e-9), R, X0, P0), "`Q` is not symmetric"),
+    (lambda z: filters.kalman(z, F, H, [[1, 2], [2, 1]], R, X0, P0), "`Q` is no covariance: its smallest eigenvalue is -1;"),
+    (lambda z: filters.kalman(z, F, H, Q, [[-5.0]], X0, P0), "`R` is no covariance: its smallest eigenvalue is -5;"),
+    (lambda z: filters.kalman(z, off(F, (0, 0), np.nan), H, Q, R, X0, P0), "`F` has elements that are not finite"),
+    (lambda z: filters.kalman(z, F, H, Q, R, [np.inf, 0], P0), "`x0` has elements that are not finite"),
+    (lambda z: filters.kalman(np.where(np.arange(len(z)) == 7, np.inf, z[:, 0]), F, H, Q, R, X0, P0), "`z` is infinite at sample 7; a sample that is missing is `nan`"),
+    (lambda z: filters.kalman(z, F, H, Q, R, [[1], [0]], P0), r"`x0` has the shape \(2, 1\); expected a number for each state, of the shape \(2,\)"),
+    (lambda z: filters.kalman(z, F.ravel(), H, Q, R, X0, P0), r"`F` has the shape \[4\]; expected \[2, 2\]"),
+    (lambda z: filters.kalman(z, F, H.T, Q, R, X0, P0), r"`H` has the shape \[2, 1\]; expected \[1, 2\]"),
+    (lambda z: linear(H=lambda x: H.T).run(z, X0, P0), r"`H` gives an array of the shape \(2, 1\); expected \(1, 2\)"),
+    (lambda z: linear(F=lambda x: F.ravel()).run(z, X0, P0), r"`F` gives an array of the shape \(4,\); expected \(2, 2\)"),
+    (lambda z: linear(f=lambda x: [1, 2, 3]).run(z, X0, P0), r"`f` gives an array of the shape \(3,\); expected \(2,\)"),
+    (lambda z: linear(f=lambda x: F @ x[:, None]).run(z, X0, P0), r"`f` gives an array of the shape \(2, 1\); expected \(2,\)"),
+    (lambda z: linear(F=lambda x: off(F, (1, 0), -5)).run(z, X0, P0), r"`F` is not the derivative of `f` at `x0`: element \(1, 0\) is -5.1, by differences -0.1; correct it, or leave `F` out"),
+    (lambda z: linear(F=lambda x: off(F, (0, 1), -0.1)).run(z, X0, P0), r"element \(0, 1\) is 0, by differences 0.1;"),
+    (lambda z: linear(H=lambda x: -H).run(z, X0, P0), r"`H` is not the derivative of `h` at `x0`: element \(0, 0\) is -1, by differences 1;"),
+    (lambda z: linear(f=lambda x, u: F @ x).run(z, X0, P0), r"`f\(x, u\)` cannot be called without inputs; write `f\(x\)`, or give the inputs `u`"),
+    (lambda z: linear().run(z, X0, P0, U), r"`f\(x\)` cannot be called with inputs; write `f\(x, u\)`"),
+]
+
+
+@pytest.mark.parametrize("place", range(len(REFUSED)))
+def test_a_model_that_cannot_be_meant_is_refused(place: int) -> None:
+    call, mend = REFUSED[place]
+    with pytest.raises(ValueError, match=mend):
+        call(measured())
+
+
+def test_models_that_can_be_meant_are_not_refused() -> None:
+    z = measured()
+    # Rounding, covariances of less than full rank, and derivatives as vectors if they have one row.
+    rounded = P0 + np.array([[0, 1e-13], [0, 0]])
+    along = np.array([[1.0], [3.0]])
+    filters.kalman(z, F, H, along @ along.T / 3, R, X0, rounded)
+    linear(H=lambda x: H[0]).run(z, X0, P0)
+    # At the middle and far from it, of states with scales that differ by 12 orders of magnitude.
+    for start in (np.zeros(2), np.array([1e-7, 3e4])):
+        steep = {"f": lambda x: [1e6 + np.sin(x[0]) + 1e-6 * x[1], np.exp(-1e-5 * x[1]) * x[0]], "h": lambda x: [x[0]], "R": R, "Q": Q}
+        slope = {"F": lambda x: [[np.cos(x[0]), 1e-6], [np.exp(-1e-5 * x[1]), -1e-5 * np.exp(-1e-5 * x[1]) * x[0]]], "H": lambda x: [1, 0]}
+        filters.Ekf(**steep, **slope).run(z[:1], start, np.diag([1e-6, 1e6]))
+
+
+def test_checks_can_be_left_out_and_are_made_once() -> None:
+    z, calls = measured(), []
+    wrong = off(F, (1, 0), -5)
+    linear(F=lambda x: wrong, check=False).run(z, X0, P0)
+    with pytest.raises(ArithmeticError, match="stops at sample 0: the innovation covariance"):
+        filters.kalman(z, F, H, Q, [[-5.0]], X0, P0, check=False)
+
+    def derivative(x: np.ndarray) -> np.ndarray:
+        calls.append(x)
+        return F
+
+    model = linear(F=derivative)
+    model.run(z[:1], X0, P0)
+    assert len(calls) == 1
+    model.run(z[:1], X0, P0)
+    assert len(calls) == 1
+
+
+def test_derivatives_of_compiled_functions_are_compared() -> None:
+    signature = ctypes.CFUNCTYPE(None, *3 * [ctypes.POINTER(ctypes.c_double)])
+
+    def copied(factor: float) -> Any:
+        def function(x: Any, u: Any, out: Any) -> None:
+            out[0] = factor * x[0]
+
+        return signature(function)
+
+    def constant(x: Any, u: Any, out: Any) -> None:
+        out[0] = 2.0
+
+    z, model = [1.0, 1.0], {"F": signature(constant), "h": copied(1.0), "Q": 1.0, "R": 1.0}
+    filters.Ekf(copied(2.0), **model).run(z, 1.0, 1.0)
+    with pytest.raises(ValueError, match=r"`F` is not the derivative of `f` at `x0`: element \(0, 0\) is 2, by differences 3;"):
+        filters.Ekf(copied(3.0), **model).run(z, 1.0, 1.0)
+
+
+def see(x: np.ndarray) -> np.ndarray:
+    return x[:1]
+
+
 def test_what_cannot_be_filtered_is_refused_with_its_reason() -> None:
     z = measured()
     with pytest.raises(ValueError, match="`F` has the shape"):
         filters.kalman(z, np.eye(3), H, Q, R, X0, P0)
     with pytest.raises(ValueError, match="1 to 6 states"):
         filters.kalman(z, np.eye(7), np.ones((1, 7)), np.eye(7), R, np.zeros(7), np.eye(7))
-    with pytest.raises(ArithmeticError, match="stops at sample 0: the innovation covariance"):
-        filters.kalman(z, F, H, Q, [[-5.0]], X0, P0)
     with pytest.raises(ZeroDivisionError):
-        filters.Ekf(lambda x: x / 0 if x[0] else 1 / 0, lambda x: 1 / 0, Q=Q, R=R).run(z, X0, P0)
+        filters.Ekf(lambda x: [x[0], 1 / 0], lambda x: 1 / 0, Q=Q, R=R).run(z, X0, P0)
     with pytest.raises(ValueError, match="gave 3 numbers; expected 2"):
-        filters.Ekf(lambda x: [1, 2, 3], lambda x: x[:1], Q=Q, R=R).run(z, X0, P0)
+        filters.Ekf(lambda x: [1, 2, 3], lambda x: x[:1], Q=Q, R=R, check=False).run(z, X0, P0)

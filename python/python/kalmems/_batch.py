@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import html
 import io
 import json
@@ -13,15 +12,18 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from . import _kalmems, _places
+from . import _kalmems, _places, _rows
 from ._needed import needed
-from ._recording import Recording
+from ._recording import as_recording
+from ._rows import Cell
+from ._tables import is_path
 
 if TYPE_CHECKING:
     from ._experiment import Experiment
 
 File: TypeAlias = "str | os.PathLike[str]"
-Many: TypeAlias = "File | Iterable[File] | Mapping[str, Recording | File]"
+Many: TypeAlias = "File | Iterable[File] | Mapping[str, Any]"
+"""Files, or recordings, tables and files by names of one's own."""
 
 
 class Batch:
@@ -46,9 +48,9 @@ class Batch:
     def _read(self, name: str) -> bytes:
         return _places.read(f"{self.folder}/{name}")
 
-    def rows(self, table: str = "summary") -> list[dict[str, str]]:
-        """The rows of `summary`, one for each recording, or of `results`."""
-        return list(csv.DictReader(self._read(f"{table}.csv").decode().splitlines()))
+    def rows(self, table: str = "summary") -> list[dict[str, Cell]]:
+        """The rows of `summary`, one for each recording, or of `results`: numbers, booleans and texts, and `None` for an empty cell."""
+        return _rows.read(self._read(f"{table}.csv").decode())
 
     def to_pandas(self, table: str = "summary") -> Any:
         """One of both tables as a `pandas.DataFrame`."""
@@ -103,7 +105,7 @@ def _given(recordings: Many, scratch: Path) -> list[tuple[str, Path | None, _kal
     """Each recording by its name: its file, here, or its columns."""
     if isinstance(recordings, Mapping):
         return [
-            (str(name), None, one._native) if isinstance(one, Recording) else (str(name), _places.fetched(one, scratch), None)
+            (str(name), _places.fetched(one, scratch), None) if is_path(one) else (str(name), None, as_recording(one)._native)
             for name, one in recordings.items()
         ]
     files = [recordings] if isinstance(recordings, (str, os.PathLike)) else list(recordings)

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import warnings
-from collections.abc import AsyncIterable, Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from . import _kalmems
+from . import _html, _kalmems
 from ._batch import Batch, Many, estimate_many
-from ._errors import VerdictError, VerdictWarning
-from ._recording import Recording
+from ._errors import ExperimentError, RecordingError, VerdictError, VerdictWarning
+from ._recording import Recording, as_recording, explained
 from ._result import Diagnosis, Identification, Result, Simulation
-from ._stream import Stream
+from ._stream import Source, Stream
 from ._study import Study
+from ._tables import is_path, is_table, local
 
-Recordings: TypeAlias = "Recording | Mapping[str, Recording] | None"
+Recordings: TypeAlias = "Any | None"
+"""A `Recording` or what makes one, such as a table, the path of a file, or a mapping of names or roles to several of these."""
 Progress: TypeAlias = "Callable[[str, int, int], object] | None"
 
 
@@ -98,23 +101,25 @@ class Experiment:
     ) -> Result:
         """Estimates the motion, and compares it with the reference where there is one.
 
-        `recordings` stands in the place of a file: one recording for the one that the experiment wants, or several by their names or
-        roles. Where none are given, the files of the experiment are read. `reference` likewise.
+        `recordings` are used instead of the files that the experiment names: a `Recording`, a table of which one can be made, or the path of
+        a file; or a mapping of the names or roles of recordings to several of these. If none are given, the files of the experiment are
+        read. `reference` is the same for references.
 
         `progress` hears `(what, done, total)` now and then. Where an answer cannot be trusted a `VerdictWarning` says so, or, where
         `strict`, a `VerdictError`.
         """
-        outcome = _kalmems.estimate(
-            self._text, self._path, self._has_lines, _by_name(recordings), _by_name(reference), progress
-        )
+        given = _Given(self, recordings, reference)
+        of = given.experiment
+        with given.explained():
+            outcome = _kalmems.estimate(of._text, of._path, of._has_lines, given.recordings, given.references, progress)
         result = Result._of(outcome)
-        failing = outcome.not_trusted()
+        failing = ", ".join(outcome.not_trusted())
+        if failing and strict:
+            reasons = "; ".join(notice.text for notice in result.notices if notice.severity in ("warning", "failure"))
+            raise VerdictError(f"not every answer can be trusted: {failing}. {reasons}", result)
         if failing:
-            told = "; ".join(notice.text for notice in result.notices if notice.severity in ("warning", "failure"))
-            message = f"not every answer can be trusted: {', '.join(failing)}. {told}"
-            if strict:
-                raise VerdictError(message, result)
-            warnings.warn(message, VerdictWarning, stacklevel=2)
+            # One sentence, since a notebook shows the notices with the result.
+            warnings.warn(f"not every answer can be trusted: {failing}; `result.notices` says why", VerdictWarning, stacklevel=2)
         return result
 
     def estimate_many(
@@ -130,7 +135,7 @@ class Experiment:
     ) -> Batch:
         """Estimates many recordings, as `kalmems batch` does: a Parquet file with the trajectories of each, and one table.
 
-        Recordings are files or patterns, such as `"recordings/*.csv"`, or a mapping of names of one's own to files or arrays. A path with a
+        Recordings are files or patterns, such as `"recordings/*.csv"`, or a mapping of names of one's own to files, recordings or tables. A path with a
         scheme, such as `s3://bucket/scan.csv`, is read through fsspec, and so is `folder` written.
 
         What is finished is kept in a journal beside the folder: after an interruption, or with further recordings, the same call computes only
@@ -147,9 +152,12 @@ class Experiment:
         self, recordings: Recordings = None, *, reference: Recordings = None, progress: Progress = None
     ) -> Identification:
         """Identifies parameters of the device; recordings as in `estimate`."""
-        found, text, experiment = _kalmems.identify(
-            self._text, self._path, self._has_lines, _by_name(recordings), _by_name(reference), progress
-        )
+        given = _Given(self, recordings, reference)
+        of = given.experiment
+        with given.explained():
+            found, text, experiment = _kalmems.identify(
+                of._text, of._path, of._has_lines, given.recordings, given.references, progress
+            )
         return Identification(json.loads(found), text, Experiment._of(experiment, self._path, False))
 
     def diagnose(
@@ -157,9 +165,12 @@ class Experiment:
     ) -> Diagnosis:
         """Finds what of the experiment is wrong by the innovations of a filter, that of this name or the first that can tell it; recordings as
         in `estimate`. It ends after the work of about twenty estimates and says what it leaves out, which it tries where it is `thorough`."""
-        found, text, chosen, each = _kalmems.diagnose(
-            self._text, self._path, self._has_lines, _by_name(recordings), filter, thorough, progress
-        )
+        given = _Given(self, recordings)
+        of = given.experiment
+        with given.explained():
+            found, text, chosen, each = _kalmems.diagnose(
+                of._text, of._path, of._has_lines, given.recordings, filter, thorough, progress
+            )
 
         def corrected(text: str | None) -> Experiment | None:
             return None if text is None else Experiment._of(text, self._path, False)
@@ -191,10 +202,10 @@ class Experiment:
             document["figure"] = list(figures)
         return Study(self, document)
 
-    def stream(
-        self, source: Iterable[bytes | str] | AsyncIterable[bytes | str], *, state: str | os.PathLike[str] | None = None
-    ) -> Stream:
+    def stream(self, source: Source, *, state: str | os.PathLike[str] | None = None) -> Stream:
         """Estimates samples while they arrive, as the table `stream` says: an iterator, with `async for` as well, over estimates and events.
+
+        `source` gives pieces of bytes, text or arrays, or is an array or a table itself; see `Stream`.
 
         Where `state` names a file, what is needed to go on is kept there.
         """
@@ -208,21 +219,79 @@ class Experiment:
     def __repr__(self) -> str:
         return f"<Experiment {self.name!r}, device {self.device}>"
 
+    def _repr_html_(self) -> str:
+        document = self.to_dict()
+        texts = [self.description, f"Device: `{self.device}`"]
+        parts = [_html.heading(self.name), *(_html.paragraph(text) for text in texts if text)]
+        recordings = document.get("recording", [])
+        if recordings:
+            rows = [[str(one.get(key, "")) for key in ("name", "role", "file")] + [_listed(one.get("channels", {}))] for one in recordings]
+            parts.append(_html.table(["recording", "role", "file", "channels"], rows))
+        filters = document.get("estimate", {}).get("filter", [])
+        if filters:
+            names = ", ".join(str(one.get("name", one.get("kind", ""))) for one in filters)
+            parts.append(_html.paragraph(f"Filters: {names}"))
+        return "\n".join(parts)
+
     def __reduce__(self) -> tuple[Any, ...]:
         return (Experiment._of, (self._text, self._path, self._has_lines))
 
 
-def _by_name(recordings: Recordings) -> list[tuple[str | None, _kalmems.Columns]]:
-    if recordings is None:
+def _listed(channels: Mapping[str, Any]) -> str:
+    """Channels with their columns, such as `signal: cap_V`."""
+    return ", ".join(f"{name}: {of.get('column', '') if isinstance(of, Mapping) else of}" for name, of in channels.items())
+
+
+class _Given:
+    """What is given instead of the files of an experiment: arrays to hand over, and paths, which the experiment names then."""
+
+    def __init__(self, experiment: Experiment, recordings: Recordings, reference: Recordings = None) -> None:
+        changes: dict[str, Any] = {}
+        self._arrays: list[Recording] = []
+        self.recordings = self._taken(experiment, recordings, "file", changes)
+        self.references = self._taken(experiment, reference, "reference.file", changes)
+        self.experiment = experiment.replace(changes) if changes else experiment
+
+    def _taken(
+        self, experiment: Experiment, given: Recordings, key: str, changes: dict[str, Any]
+    ) -> list[tuple[str | None, _kalmems.Columns]]:
+        taken = []
+        for name, one in _by_name(given):
+            if is_path(one):
+                changes[f"recording[{_place(experiment, name)}].{key}"] = local(one)
+            else:
+                recording = as_recording(one)
+                self._arrays.append(recording)
+                taken.append((name, recording._native))
+        return taken
+
+    def explained(self) -> contextlib.AbstractContextManager[None]:
+        """Where errors about columns that are left out say why."""
+        return explained(self._arrays)
+
+
+def _by_name(given: Recordings) -> list[tuple[str | None, Any]]:
+    """Each recording with its name; a mapping of names to arrays is one recording, and any other mapping has a recording for each name."""
+    if given is None:
         return []
-    if isinstance(recordings, Recording):
-        return [(None, recordings._native)]
-    if isinstance(recordings, Mapping):
-        return [(name, _checked(recording)._native) for name, recording in recordings.items()]
-    return [(None, _checked(recordings)._native)]
+    if isinstance(given, Mapping) and not hasattr(given, "data_vars"):
+        whole = [name for name, one in given.items() if isinstance(one, Recording) or is_path(one) or is_table(one)]
+        if whole and len(whole) < len(given):
+            raise RecordingError(f"{', '.join(map(repr, whole))} are recordings and the rest are columns; give either recordings or columns")
+        if whole:
+            return list(given.items())
+    return [(None, given)]
 
 
-def _checked(recording: Any) -> Recording:
-    if not isinstance(recording, Recording):
-        raise TypeError(f"found {type(recording).__name__}; expected a kalmems.Recording")
-    return recording
+def _place(experiment: Experiment, name: str | None) -> int:
+    """The place of the recording with this name or role; without one, of the only recording, or the only one of the role `test`."""
+    recordings = experiment.to_dict().get("recording", [])
+    if name is None and len(recordings) == 1:
+        return 0
+    wanted, keys = ("test", ["role"]) if name is None else (name, ["name", "role"])
+    places = [place for place, one in enumerate(recordings) if wanted in map(one.get, keys)]
+    if len(places) != 1:
+        known = ", ".join(f"`{one.get('name') or one.get('role')}`" for one in recordings)
+        message = f"which recording the path is for is not clear; give a mapping of a name or role to it, of {known}"
+        raise ExperimentError(message, str(experiment.path), "recording")
+    return places[0]

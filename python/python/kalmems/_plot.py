@@ -2,48 +2,144 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._needed import needed
 
 if TYPE_CHECKING:
-    from ._result import Result
+    from ._result import Numbers, Segment
 
 
-def plot(result: Result, state: str | None, ax: Any, band: float) -> Any:
-    """A state of all filters over time, with what each claims."""
+CYCLES = 4
+"""How many of the last cycles are drawn if no window is given, as in the report."""
+SAMPLES = 2000
+"""How many of the last samples are drawn if the frequency of the motion is not known."""
+POINTS = 4000
+"""The most samples that are drawn one by one. More are drawn by the extremes of each pixel column, which give the same picture."""
+
+Window: TypeAlias = "tuple[float | None, float | None] | None"
+
+
+def plot(segments: Sequence[Segment], state: str | None, window: Window, ax: Any, band: float) -> Any:
+    """A state of all filters over time, each with the standard deviations that it claims, and of the reference."""
     plt = needed("matplotlib.pyplot", "plot")
 
-    name = state if state is not None else next(iter(result.trajectories[0].states))
-    known = list(dict.fromkeys(one for trajectory in result.trajectories for one in trajectory.states))
-    if name not in known:
-        raise KeyError(f"no state is called {name!r}; there are {', '.join(known)}")
+    name = _known(segments, state)
+    drawn = [(segment, _span(segment, window)) for segment in (segments if window is not None else segments[-1:])]
+    drawn = [(segment, span) for segment, span in drawn if span.stop > span.start]
+    if not drawn:
+        raise ValueError(f"no sample lies in the window of {window} s; the segments cover {_covered(segments)}")
     if ax is None:
         _, ax = plt.subplots(figsize=(8, 3.2), layout="constrained")
+    pixels = max(int(ax.get_window_extent().width), 1)
+    labelled: set[str] = set()
+
+    def label(text: str) -> str | None:
+        """One entry of the legend for all segments."""
+        new = text not in labelled
+        labelled.add(text)
+        return text if new else None
+
     unit = ""
-    for segment in result.segments:
+    for segment, span in drawn:
         for number, trajectory in enumerate(segment):
             own = trajectory.states.get(name)
             if own is None:
                 continue
             unit = own.unit
-            colour = f"C{number}"
-            label = trajectory.name if segment is result.segments[0] else None
-            ax.plot(trajectory.time, own.mean, color=colour, linewidth=1, label=label)
+            time, mean = trajectory.time[span], own.mean[span]
+            ax.plot(*_line(time, mean, pixels), color=f"C{number}", linewidth=1, label=label(trajectory.name))
             if own.sd is not None and band > 0:
-                low, high = own.mean - band * own.sd, own.mean + band * own.sd
-                ax.fill_between(trajectory.time, low, high, color=colour, alpha=0.25, linewidth=0)
-    first = result.segments[0].trajectories[0].time
-    skip = result.segments[0].skip
-    if len(result.segments) == 1 and np.isfinite(skip) and skip > 0:
-        ax.axvspan(first[0], first[0] + skip, color="0.9", zorder=0, label="settling time")
+                edges = _band(time, mean, own.sd[span], band, pixels)
+                ax.fill_between(*edges, color=f"C{number}", alpha=0.25, linewidth=0)
+        _reference(ax, segment, span, name, pixels, label)
+        _settling(ax, segment, span, label)
     ax.set_xlabel("time (s)")
     ax.set_ylabel(f"{name} ({unit.replace('_per_', '/')})")
     ax.legend(loc="upper right", fontsize="small")
     return ax
+
+
+def _known(segments: Sequence[Segment], state: str | None) -> str:
+    """The name of a state that is there, the first if none is given."""
+    known = list(dict.fromkeys(one for segment in segments for trajectory in segment for one in trajectory.states))
+    if state is None and known:
+        return known[0]
+    if state is None or state not in known:
+        raise KeyError(f"no state is called {state!r}; there are {', '.join(known) or 'none'}")
+    return state
+
+
+def _span(segment: Segment, window: Window) -> slice:
+    """The samples of a segment in the window in s; without one, those of the last cycles of the motion."""
+    time = segment.trajectories[0].time
+    if window is not None:
+        first, last = window
+        begin = 0 if first is None else int(np.searchsorted(time, first, "left"))
+        return slice(begin, len(time) if last is None else int(np.searchsorted(time, last, "right")))
+    motion_hz = segment.metrics.get("motion_hz")
+    if not motion_hz or len(time) == 0:
+        return slice(max(len(time) - SAMPLES, 0), len(time))
+    return slice(int(np.searchsorted(time, time[-1] - CYCLES / motion_hz, "left")), len(time))
+
+
+def _covered(segments: Sequence[Segment]) -> str:
+    times = [segment.trajectories[0].time for segment in segments]
+    return ", ".join(f"{time[0]:.6g} s to {time[-1]:.6g} s" for time in times if len(time))
+
+
+def _reference(ax: Any, segment: Segment, span: slice, state: str, pixels: int, label: Callable[[str], str | None]) -> None:
+    if state not in segment.references:
+        return
+    of, own = segment.references[state], segment.trajectories[0].time[span]
+    shared = slice(int(np.searchsorted(of.time, own[0], "left")), int(np.searchsorted(of.time, own[-1], "right")))
+    if shared.stop > shared.start:
+        line = _line(of.time[shared], of.values[shared], pixels)
+        ax.plot(*line, color="0.13", linewidth=1, linestyle="--", label=label("reference"))
+
+
+def _settling(ax: Any, segment: Segment, span: slice, label: Callable[[str], str | None]) -> None:
+    time = segment.trajectories[0].time
+    end = time[0] + segment.skip
+    if np.isfinite(segment.skip) and end > time[span.start]:
+        ax.axvspan(time[span.start], min(end, time[span.stop - 1]), color="0.9", zorder=0, label=label("settling time"))
+
+
+def _columns(time: Numbers, pixels: int) -> NDArray[np.intp]:
+    """The first sample of each pixel column that has samples."""
+    edges = np.linspace(time[0], time[-1], pixels + 1)[:-1]
+    return np.unique(np.searchsorted(time, edges, "left"))
+
+
+def _line(time: Numbers, values: Numbers, pixels: int) -> tuple[Numbers, Numbers]:
+    """Fewer points for the same picture: the first, lowest, highest and last sample of each pixel column."""
+    if len(time) <= POINTS:
+        return time, values
+    first = _columns(time, pixels)
+    last = np.append(first[1:], len(time)) - 1
+    low, high = np.fmin.reduceat(values, first), np.fmax.reduceat(values, first)
+    middle = 0.5 * (time[first] + time[last])
+    times = np.stack([time[first], middle, middle, time[last]], axis=1)
+    return times.ravel(), np.stack([values[first], low, high, values[last]], axis=1).ravel()
+
+
+def _band(time: Numbers, mean: Numbers, sd: Numbers, band: float, pixels: int) -> tuple[Numbers, Numbers, Numbers]:
+    """The mean less and plus `band` standard deviations; of many samples the lowest and highest value of each pixel column, from its first sample to its last."""
+    if len(time) <= POINTS:
+        return time, mean - band * sd, mean + band * sd
+    first = _columns(time, pixels)
+    end = np.append(first[1:], len(time))
+    low, high = np.empty(len(first)), np.empty(len(first))
+    # Column by column, since arrays of all samples would take longer to get than to compute.
+    for column, span in enumerate(map(slice, first, end)):
+        half = band * sd[span]
+        low[column], high[column] = np.fmin.reduce(mean[span] - half), np.fmax.reduce(mean[span] + half)
+    times = np.stack([time[first], time[end - 1]], axis=1).ravel()
+    return times, np.repeat(low, 2), np.repeat(high, 2)
 
 
 def columns(*tables: dict[str, Any]) -> Any:

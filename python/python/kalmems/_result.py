@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import json
 import os
-import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _arrow, _kalmems
+from . import _arrow, _html, _kalmems
 from ._errors import KalmemsError
 from ._needed import needed
 from ._recording import Recording
@@ -50,6 +49,16 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
+class Reference:
+    """The independent measurement of a state."""
+
+    time: Numbers
+    """The times of its samples in s, its delay taken off."""
+    values: Numbers
+    """The values in the unit of the state; not a number if missing."""
+
+
+@dataclass(frozen=True, eq=False)
 class SignalInnovations:
     """The innovations of a signal after the first one, each predicted by the past and the signals before it."""
 
@@ -64,7 +73,7 @@ class SignalInnovations:
     """The samples that the filter's gate rejected."""
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Trajectory:
     """A filter's answer over one segment, an element for each sample, in SI.
 
@@ -180,6 +189,16 @@ class Trajectory:
         """Writes a MAT file (needs SciPy)."""
         needed("scipy.io", "mat").savemat(path, dict(self.columns()))
 
+    def __repr__(self) -> str:
+        return f"<Trajectory {self.name!r}, {self.kind}: {len(self)} samples of {', '.join(self.states)}>"
+
+    def _repr_html_(self) -> str:
+        span = f" from {self.time[0]:.6g} s to {self.time[-1]:.6g} s" if len(self) else ""
+        judged = f", {self.grade}" if self.grade is not None else ""
+        rows = [[state.name, state.unit, _last(state.mean), _last(state.sd)] for state in self.states.values()]
+        heads = ["state", "unit", "last value", "its standard deviation"]
+        return _html.heading(self.name) + _html.paragraph(f"{self.kind}: {len(self)} samples{span}{judged}") + _html.table(heads, rows)
+
     def __arrow_c_stream__(self, requested_schema: Any = None) -> Any:
         return _arrow.stream(self.columns())
 
@@ -188,6 +207,11 @@ class Trajectory:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
+
+
+def _last(values: Numbers | None) -> str:
+    """The last of some values as text; nothing if there is none."""
+    return "" if values is None or len(values) == 0 else f"{values[-1]:.6g}"
 
 
 @dataclass(eq=False)
@@ -205,6 +229,8 @@ class Segment:
     """The settling time in s, which is not scored."""
     metrics: dict[str, Any] = field(repr=False)
     trajectories: list[Trajectory] = field(repr=False)
+    references: dict[str, Reference] = field(default_factory=dict, repr=False)
+    """What the reference knows of each state, for those that it has and that the module hands over."""
 
     def __getitem__(self, name: str) -> Trajectory:
         """A filter's answer, by its name or its key."""
@@ -220,6 +246,11 @@ class Segment:
 
     def __iter__(self) -> Iterator[Trajectory]:
         return iter(self.trajectories)
+
+    def _repr_html_(self) -> str:
+        name = " ".join(one for one in (self.recording, self.label, f"stretch {self.stretch}" if self.stretch > 1 else "") if one)
+        rows = [[one.name, one.kind, one.verdict, one.grade or "–"] for one in self.trajectories]
+        return _html.heading(name) + _html.table(["filter", "kind", "verdict", "grade"], rows)
 
     @property
     def arbitrary_signs(self) -> list[str]:
@@ -324,6 +355,10 @@ class Result:
             self._report = self._native().report_html()
         return self._report
 
+    def show(self, *, height: int = 720) -> None:
+        """Shows the report in the running notebook, as interactive as its page is, in a frame of this height in pixels."""
+        _html.show(_html.Page(self.report_html(), height))
+
     def figures(self) -> dict[str, bytes]:
         """The pictures of the report by their names, as SVG."""
         return self._native().figures()
@@ -346,33 +381,41 @@ class Result:
         return [str(figure["id"]) for figure in self._figures()]
 
     def plot(
-        self, state: str | None = None, *, figure: str | None = None, ax: Any = None, band: float = 2.0
+        self,
+        state: str | None = None,
+        *,
+        figure: str | None = None,
+        window: tuple[float | None, float | None] | None = None,
+        ax: Any = None,
+        band: float = 2.0,
     ) -> Any:
-        """Draws a state of all filters over time, each with its claim of `band` standard deviations, or a `figure` of the report by its name,
-        such as `"nis"` (needs matplotlib). Returns the axes: of a figure an array of them, from top to bottom."""
+        """Draws a state of all filters over time, each with its claim of `band` standard deviations (needs matplotlib). Returns the axes.
+
+        The last cycles of the motion in the last segment are drawn, or its last 2000 samples if the frequency of the motion is not known.
+        `window=(0.01, 0.02)` draws all segments from 10 ms to 20 ms, and `None` for an end leaves it open: `window=(None, None)` draws all.
+        More than 4000 samples are drawn by the extremes of each pixel column, for the width that the axes have now.
+
+        `figure` draws a figure of the report instead, such as `"nis"`; see `figure_names`. Its axes are an array, from top to bottom.
+        """
         from . import _plot
 
         if figure is None:
-            return _plot.plot(self, state, ax, band)
-        if state is not None or ax is not None:
-            raise ValueError("a figure of the report has states and axes of its own; leave `state` and `ax` out")
+            return _plot.plot(self.segments, state, window, ax, band)
+        if state is not None or ax is not None or window is not None:
+            raise ValueError("a figure of the report has states and axes of its own; leave `state`, `window` and `ax` out")
         return _plot.draw(_plot.chosen(self._figures(), figure))
 
     def __repr__(self) -> str:
         return f"<Result of {self.metrics['experiment']!r}>\n{self._summary}"
 
     def _repr_html_(self) -> str:
-        parts = [f"<h4>{html.escape(str(self.metrics['experiment']))}</h4>"]
+        parts = [_html.heading(str(self.metrics["experiment"]))]
         colours = {"failure": "#b00020", "warning": "#9a5b00", "note": "#555555", "ok": "#1b6e3c"}
         parts.extend(f"<p><b>{html.escape(answer)}</b></p>" for answer in self.answers)
         for notice in self.notices:
             colour = colours.get(notice.severity, "#555555")
-            text = re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(notice.text))
-            parts.append(f'<p style="color:{colour};margin:2px 0">{text}</p>')
-        for heads, rows in self._tables:
-            head = "".join(f"<th>{html.escape(text)}</th>" for text in heads)
-            body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-            parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+            parts.append(f'<p style="color:{colour};margin:2px 0">{_html.coded(notice.text)}</p>')
+        parts.extend(_html.table(heads, rows) for heads, rows in self._tables)
         return "\n".join(parts)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -396,9 +439,9 @@ def _segment(own: dict[str, Any], told: dict[str, Any]) -> Segment:
         trajectories.append(
             Trajectory(states=states, rejected=rejected, signal_unit=unit, further=further, metrics=metrics, **one)
         )
-    return Segment(
-        own["recording"], own["label"], own["stretch"], own["signal"], own["skip"], metrics=told, trajectories=trajectories
-    )
+    references = {state: Reference(time, values) for state, time, values in own.get("references", ())}
+    heads = (own["recording"], own["label"], own["stretch"], own["signal"], own["skip"])
+    return Segment(*heads, metrics=told, trajectories=trajectories, references=references)
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,20 @@ import os
 import threading
 import weakref
 from collections import deque
-from collections.abc import AsyncIterable, AsyncIterator, Iterable, Iterator
+from collections.abc import AsyncIterable, AsyncIterator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from . import _kalmems
+from . import _kalmems, _samples
 
 if TYPE_CHECKING:
     from ._experiment import Experiment
+
+Piece: TypeAlias = "bytes | bytearray | memoryview | str | _samples.Samples"
+"""Some samples: bytes or text as an instrument sends them, an array, or a table."""
+Source: TypeAlias = "Iterable[Piece] | AsyncIterable[Piece] | _samples.Samples"
+"""Whatever gives pieces, or is one."""
 
 
 @dataclass(frozen=True)
@@ -44,14 +49,21 @@ class Stream:
     """An iterator over estimates and events of samples that arrive.
 
     `source` gives the samples in pieces of bytes or text, in the format that the table `stream` of the experiment describes; it is asked on a
-    thread of its own. With `async for` it may be asynchronous. `summary` is what came of the stream, once it has ended. After a loop was left,
+    thread of its own. With `async for` it may be asynchronous. A piece may be an array as well, with a row for each sample and the columns of
+    `stream.input.text`, or a table with columns of these names; and so may be `source` itself. Numbers become text to their last digit, so
+    that the estimates are those of the arrays; what is not a number is missing. `summary` is what came of the stream, once it has ended. After a loop was left,
     `next` or another loop goes on from there; the work ends with `close`, or when nothing refers to the stream any more.
     """
 
-    def __init__(
-        self, experiment: Experiment, source: Iterable[bytes | str] | AsyncIterable[bytes | str], state: str | os.PathLike[str] | None
-    ) -> None:
+    def __init__(self, experiment: Experiment, source: Source, state: str | os.PathLike[str] | None) -> None:
         kept = None if state is None else Path(state)
+        _samples.check(source)
+        self._columns, is_text = _samples.columns(experiment)
+        if _samples.is_whole(source):
+            source = [source]
+            if not is_text and self._columns:
+                # Arrays come as text, whatever an instrument would send.
+                experiment = experiment.replace({"stream.input": {"text": {"columns": self._columns}}})
         self._native = _kalmems.Stream(experiment.to_toml(), experiment.path, kept)
         self._source = source
         self._names: dict[str, list[str]] = {}
@@ -74,7 +86,7 @@ class Stream:
             if not isinstance(self._source, Iterable):
                 raise TypeError("an asynchronous source needs `async for`")
             # The thread has no reference to this object, so that a stream that nobody reads any more ends.
-            threading.Thread(target=_feed, args=(self._native, self._source, self._failed), daemon=True).start()
+            threading.Thread(target=_feed, args=(self._native, self._source, self._columns, self._failed), daemon=True).start()
             self._is_begun = True
         while not self._ready and not self._is_ended:
             try:
@@ -92,9 +104,9 @@ class Stream:
 
     async def __aiter__(self) -> AsyncIterator[Estimate | Event]:
         if isinstance(self._source, AsyncIterable):
-            feeding = asyncio.create_task(_feed_asynchronously(self._native, self._source, self._failed))
+            feeding = asyncio.create_task(_feed_asynchronously(self._native, self._source, self._columns, self._failed))
         else:
-            feeding = asyncio.create_task(asyncio.to_thread(_feed, self._native, self._source, self._failed))
+            feeding = asyncio.create_task(asyncio.to_thread(_feed, self._native, self._source, self._columns, self._failed))
         try:
             while lines := await asyncio.to_thread(self._native.lines, True):
                 for one in self._parsed(lines):
@@ -134,21 +146,24 @@ class Stream:
                 yield Estimate(head, float(time), values)
 
 
-def _feed(native: _kalmems.Stream, source: Iterable[bytes | str], failed: list[BaseException]) -> None:
+def _feed(native: _kalmems.Stream, source: Iterable[Piece], columns: Sequence[str], failed: list[BaseException]) -> None:
     try:
-        for piece in source:
-            if not native.feed(piece.encode() if isinstance(piece, str) else bytes(piece)):
+        for piece in _samples.encoded(source, columns):
+            if not native.feed(piece):
                 break
     except BaseException as error:
         failed.append(error)
     native.close()
 
 
-async def _feed_asynchronously(native: _kalmems.Stream, source: AsyncIterable[bytes | str], failed: list[BaseException]) -> None:
+async def _feed_asynchronously(
+    native: _kalmems.Stream, source: AsyncIterable[Piece], columns: Sequence[str], failed: list[BaseException]
+) -> None:
     try:
         async for piece in source:
-            if not await asyncio.to_thread(native.feed, piece.encode() if isinstance(piece, str) else bytes(piece)):
-                break
+            for part in _samples.encoded_piece(piece, columns):
+                if not await asyncio.to_thread(native.feed, part):
+                    return
     except Exception as error:
         failed.append(error)
     native.close()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import html
 import json
 import os
@@ -11,9 +10,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from . import _kalmems
+from . import _html, _kalmems, _rows
 from ._executor import finished
 from ._needed import needed
+from ._rows import Cell
 
 if TYPE_CHECKING:
     from ._experiment import Experiment
@@ -89,6 +89,9 @@ class Study:
     def __repr__(self) -> str:
         return f"<Study {self.name!r}: {self.runs} runs of {self.points} points>"
 
+    def _repr_html_(self) -> str:
+        return f"{_html.heading(self.name)}\n" + _html.paragraph(f"Study: {self.runs} runs of {self.points} points")
+
 
 class Part:
     """A part of a study."""
@@ -121,10 +124,9 @@ class StudyResult:
         self.summary = summary
         self._text = text
 
-    def rows(self) -> list[dict[str, str]]:
-        """The rows of `results.csv`."""
-        with (self.folder / "results.csv").open(newline="", encoding="utf-8") as lines:
-            return list(csv.DictReader(lines))
+    def rows(self) -> list[dict[str, Cell]]:
+        """The rows of `results.csv`: numbers, booleans and texts, and `None` for an empty cell."""
+        return _rows.read((self.folder / "results.csv").read_bytes().decode())
 
     def to_pandas(self) -> Any:
         """All figures of all runs as a `pandas.DataFrame`."""

@@ -1,8 +1,15 @@
 """Kalman filters over arrays, for linear systems and for models of one's own.
 
+`kalman` is the filter of a linear system, `Ekf` and `Ukf` are those of functions. Shapes are written with n states, m measurements, k inputs and N
+samples. Units are the caller's own: a covariance has the square of the unit of what it is of, and `F` is per step, from a sample to the next.
+
 What is known before, `x0` and `P0`, is of the first sample before it is taken: that is updated with first, and each further sample is predicted
 and then updated with. A sample with a value that is not a number is predicted only. Filters are compiled for up to six states and two
 measurements.
+
+Before it runs, a model is checked: numbers are finite, covariances symmetric (to 1e-12 of their largest element) and without negative eigenvalues,
+functions give arrays of the right shapes, and derivatives agree with difference quotients at `x0`. Functions are checked in the first run alone.
+`check=False` leaves the checks out.
 """
 
 from __future__ import annotations
@@ -15,7 +22,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _kalmems
+from . import _kalmems, _model_checks
 
 __all__ = ["Ekf", "Filtered", "Smoothed", "Ukf", "kalman"]
 
@@ -26,50 +33,84 @@ Function: TypeAlias = Callable[..., Any]
 """A function of Python, `f(x)` or with inputs `f(x, u)`, or one compiled by `numba.cfunc`; see `Ekf`."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Smoothed:
-    """What all samples say of the state at each (Rauch, Tung and Striebel)."""
+    """The state at each sample given all samples, by the smoother of Rauch, Tung and Striebel.
+
+    Examples
+    --------
+    >>> found = kalman([1.0, 3.0], F=1, H=1, Q=1, R=1, x0=0, P0=1, smooth=True)
+    >>> found.smoothed
+    <Smoothed: 2 samples of 1 state>
+    >>> found.smoothed.x.ravel().round(3).tolist()
+    [1.0, 2.0]
+    """
 
     x: Numbers
-    """The mean of the state: a row for each sample."""
+    """The mean of the state, of the shape (N, n)."""
     P: Numbers
-    """Its covariance."""
+    """Its covariance, of the shape (N, n, n)."""
 
     @property
     def sd(self) -> Numbers:
-        """The standard deviations of the state."""
+        """The standard deviations of the state, of the shape (N, n)."""
         return np.sqrt(np.diagonal(self.P, axis1=1, axis2=2))
 
     def __len__(self) -> int:
+        """The number of samples."""
         return len(self.x)
 
+    def __repr__(self) -> str:
+        return f"<Smoothed: {_counted(len(self), 'sample')} of {_counted(self.x.shape[1], 'state')}>"
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Filtered:
-    """What a filter says of each sample, after it was taken."""
+    """The state at each sample given the samples until then, and how well the filter predicted them.
+
+    Examples
+    --------
+    >>> found = kalman([1.0, np.nan, 3.0], F=1, H=1, Q=1, R=1, x0=0, P0=1)
+    >>> found
+    <Filtered: 3 samples of 1 state and 1 measurement, 1 of them without an update, log-likelihood -3.95369>
+    >>> found.innovation.ravel().tolist()
+    [1.0, nan, 2.5]
+    """
 
     x: Numbers
-    """The mean of the state: a row for each sample."""
+    """The mean of the state, of the shape (N, n)."""
     P: Numbers
-    """Its covariance."""
+    """Its covariance, of the shape (N, n, n)."""
     innovation: Numbers
-    """z − h(x⁻); not a number where a sample is missing."""
+    """z − h(x⁻), of the shape (N, m); not a number if a sample is missing."""
     S: Numbers
-    """The covariance that the filter gives the innovation."""
+    """The covariance that the filter gives the innovation, of the shape (N, m, m)."""
     nis: Numbers
-    """The normalised innovation squared: on average as many as there are measurements, of a filter that is right."""
+    """The normalised innovation squared, of the shape (N,): m on average for a consistent filter."""
     log_likelihood: Numbers
-    """ln p(z | past) of each sample."""
+    """ln p(z | past) of each sample, of the shape (N,)."""
     smoothed: Smoothed | None = None
-    """The state given the later samples as well, where `smooth=True` asked for it."""
+    """The state given the later samples as well, if `smooth=True` asked for it."""
 
     @property
     def sd(self) -> Numbers:
-        """The standard deviations of the state."""
+        """The standard deviations of the state, of the shape (N, n)."""
         return np.sqrt(np.diagonal(self.P, axis1=1, axis2=2))
 
     def __len__(self) -> int:
+        """The number of samples."""
         return len(self.x)
+
+    def __repr__(self) -> str:
+        of = f"{_counted(self.x.shape[1], 'state')} and {_counted(self.innovation.shape[1], 'measurement')}"
+        missing = int(np.isnan(self.log_likelihood).sum())
+        without = f", {missing} of them without an update" if missing else ""
+        likelihood = f"{np.nansum(self.log_likelihood):.6g}"
+        return f"<Filtered: {_counted(len(self), 'sample')} of {of}{without}, log-likelihood {likelihood}>"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def kalman(
@@ -84,17 +125,68 @@ def kalman(
     B: ArrayLike | None = None,
     u: ArrayLike | None = None,
     smooth: bool = False,
+    check: bool = True,
 ) -> Filtered:
-    """The Kalman filter of x′ = F·x + B·u + w, z = H·x + v with the covariances Q of w and R of v; `u[k]` acts from sample k to k + 1. With
-    `smooth` also the smoother over all samples."""
+    """The Kalman filter of the linear system x′ = F·x + B·u + w, z = H·x + v.
+
+    Parameters
+    ----------
+    z : array of the shape (N, m), or (N,) for a single measurement
+        Samples, a row each, in the unit of the measurement. Masked ones and those that are not a number are missing.
+    F : array of the shape (n, n)
+        How the state changes from a sample to the next; a vector is its diagonal.
+    H : array of the shape (m, n)
+        The measurement per state; a vector if m or n is 1.
+    Q : array of the shape (n, n)
+        The covariance of the process noise w of a step; a vector is its diagonal.
+    R : array of the shape (m, m)
+        The covariance of the noise v of a sample; a vector is its diagonal.
+    x0 : array of the shape (n,)
+        The mean of the state at the first sample, before that is taken.
+    P0 : array of the shape (n, n)
+        Its covariance; a vector is its diagonal.
+    B : array of the shape (n, k), optional
+        The change of the state per input.
+    u : array of the shape (N, k), or (N,) for a single input, optional
+        Inputs; `u[i]` acts from sample i to i + 1.
+    smooth : bool
+        Whether to give the state given all samples as well.
+    check : bool
+        Whether to check covariances and numbers before.
+
+    Returns
+    -------
+    Filtered
+
+    Examples
+    --------
+    A position in m that is measured with a standard deviation of 0.1 m every 0.5 s, and a velocity in m/s that is not measured:
+
+    >>> found = kalman(
+    ...     z=[0.0, 1.1, 1.9, 3.0], F=[[1, 0.5], [0, 1]], H=[1, 0], Q=[0, 1e-6], R=0.1**2, x0=[0, 0], P0=[1, 10],
+    ... )
+    >>> found.x[-1].round(2).tolist(), found.sd[-1].round(2).tolist()
+    ([2.97, 1.96], [0.08, 0.09])
+    """
     rows, states = _rows(z), _vector(x0)
     n, m = states.size, rows.shape[1]
     inputs = None if u is None else _rows(u)
     gain = None if B is None else _matrix(B, n, None if inputs is None else inputs.shape[1])
     if (inputs is None) != (gain is None):
         raise ValueError("`B` and `u` belong together")
-    matrices = (_matrix(F, n, n), _matrix(H, m, n), _matrix(Q, n, n), _matrix(R, m, m))
-    return _filtered(_kalmems.kalman(rows, *matrices, states, _matrix(P0, n, n), gain, inputs, smooth))
+    motion, sensor, noise = _matrix(F, n, n), _matrix(H, m, n), (_matrix(Q, n, n), _matrix(R, m, m))
+    before = _matrix(P0, n, n)
+    if check:
+        _check_numbers(rows, inputs, states, before, *noise)
+        _model_checks.finite(F=motion, H=sensor, B=gain)
+    return _filtered(_kalmems.kalman(rows, motion, sensor, *noise, states, before, gain, inputs, smooth))
+
+
+def _check_numbers(z: Numbers, u: Numbers | None, x0: Numbers, p0: Numbers, q: Numbers, r: Numbers) -> None:
+    _model_checks.measured(z)
+    _model_checks.finite(u=u, x0=x0, P0=p0, Q=q, R=r)
+    for name, matrix in (("P0", p0), ("Q", q), ("R", r)):
+        _model_checks.covariance(name, matrix)
 
 
 def _filtered(found: dict[str, Numbers]) -> Filtered:
@@ -115,44 +207,144 @@ class _Nonlinear:
         R: ArrayLike,
         F: Function | None = None,
         H: Function | None = None,
+        check: bool = True,
     ) -> None:
-        self._functions = [f, F, h, H]
+        self._functions: dict[str, Function | None] = {"f": f, "F": F, "h": h, "H": H}
         self._q, self._r = Q, R
+        self._is_to_check, self._is_checked = check, False
 
     def run(
         self, z: ArrayLike, x0: ArrayLike, P0: ArrayLike, u: ArrayLike | None = None, *, smooth: bool = False
     ) -> Filtered:
-        """Takes the samples `z`, a row each, with the inputs `u`; `u[k]` acts from sample k to k + 1, and `h` sees it at k. With `smooth` also
-        the smoother over all samples."""
+        """Filters samples.
+
+        Parameters
+        ----------
+        z : array of the shape (N, m), or (N,) for a single measurement
+            Samples, a row each, in the unit of the measurement. Masked ones and those that are not a number are missing.
+        x0 : array of the shape (n,)
+            The mean of the state at the first sample, before that is taken.
+        P0 : array of the shape (n, n)
+            Its covariance; a vector is its diagonal.
+        u : array of the shape (N, k), or (N,) for a single input, optional
+            Inputs; `u[i]` acts from sample i to i + 1, and `h` sees it at i.
+        smooth : bool
+            Whether to give the state given all samples as well.
+
+        Returns
+        -------
+        Filtered
+        """
         rows, states = _rows(z), _vector(x0)
         n, m = states.size, rows.shape[1]
-        compiled = [_is_compiled(function) for function in self._functions if function is not None]
+        compiled = [_is_compiled(function) for function in self._functions.values() if function is not None]
         if any(compiled) != all(compiled):
             raise ValueError("some functions of the model are compiled and some are not; give all of one kind")
-        functions = [
-            None if function is None else _handed_over(name, function)
-            for name, function in zip(("f", "F", "h", "H"), self._functions, strict=True)
-        ]
+        functions = [None if function is None else _handed_over(name, function) for name, function in self._functions.items()]
         inputs = None if u is None else _rows(u)
-        noise = (_matrix(self._q, n, n), _matrix(self._r, m, m))
-        return _filtered(
-            _kalmems.nonlinear(rows, functions, *noise, states, _matrix(P0, n, n), inputs, self._points, smooth)
-        )
+        noise, before = (_matrix(self._q, n, n), _matrix(self._r, m, m)), _matrix(P0, n, n)
+        if self._is_to_check:
+            _check_numbers(rows, inputs, states, before, *noise)
+            self._check_functions(states, before, m, None if inputs is None or len(inputs) == 0 else inputs[0])
+        return _filtered(_kalmems.nonlinear(rows, functions, *noise, states, before, inputs, self._points, smooth))
+
+    def _check_functions(self, x0: Numbers, p0: Numbers, m: int, u: Numbers | None) -> None:
+        """Refuses functions that give other shapes, and derivatives that differ from difference quotients, at `x0` of the first run."""
+        n = x0.size
+        if self._is_checked or p0.shape != (n, n):
+            return
+        sd = np.sqrt(np.diag(p0))
+        scales = np.where(sd > 0, sd, 1.0)
+        for of, name, count in (("f", "F", n), ("h", "H", m)):
+            function, derivative = self._functions[of], self._functions[name]
+            if function is None:
+                continue
+            value = self._at(of, function, u, count)
+            _model_checks.value(of, value(x0), count)
+            if derivative is not None:
+                given = self._at(name, derivative, u, count * n)(x0)
+                given = _model_checks.slope(name, given, count, n, _is_compiled(derivative))
+                _model_checks.derivative(name, of, given, value, x0, scales)
+        self._is_checked = True
+
+    def _at(self, name: str, function: Function, u: Numbers | None, count: int) -> _model_checks.Evaluated:
+        is_compiled = _is_compiled(function)
+        if not is_compiled:
+            _model_checks.arguments(name, function, u is not None)
+        return _model_checks.evaluated(function, u, count, is_compiled)
+
+    def __repr__(self) -> str:
+        parts = [f"{name}={_named(function)}" for name, function in self._functions.items() if function is not None]
+        if self._points is not None:
+            parts += [f"{name}={value:g}" for name, value in zip(("alpha", "beta", "kappa"), self._points, strict=True)]
+        parts += [f"{name}={np.asarray(noise).tolist()}" for name, noise in (("Q", self._q), ("R", self._r))]
+        return f"{type(self).__name__}({', '.join(parts)})"
+
+
+def _named(function: Function) -> str:
+    return str(getattr(function, "__name__", type(function).__name__))
 
 
 class Ekf(_Nonlinear):
-    """The extended Kalman filter of x′ = f(x, u) + w, z = h(x, u) + v.
+    """The extended Kalman filter of the model x′ = f(x, u) + w, z = h(x, u) + v.
 
-    `F` and `H` are the derivatives ∂f/∂x and ∂h/∂x, as matrices; where they are left out, central differences take their place.
+    Parameters
+    ----------
+    f : function
+        The next state, of the shape (n,), as a function of the state and, if `run` is given inputs, of those: `f(x)` or `f(x, u)`.
+    h : function
+        The measurement, of the shape (m,): `h(x)` or `h(x, u)`.
+    Q : array of the shape (n, n)
+        The covariance of the process noise w of a step; a vector is its diagonal.
+    R : array of the shape (m, m)
+        The covariance of the noise v of a sample; a vector is its diagonal.
+    F, H : functions, optional
+        The derivatives ∂f/∂x of the shape (n, n) and ∂h/∂x of the shape (m, n); central differences if left out.
+    check : bool
+        Whether to check covariances, shapes and derivatives before the first run.
 
-    Functions of Python get arrays, `f(x)` or, with inputs, `f(x, u)`, and give one. At native speed run functions that
+    Notes
+    -----
+    Functions of Python get arrays and give one. At native speed run functions that
     `numba.cfunc("void(CPointer(float64), CPointer(float64), CPointer(float64))")` compiles: `f(x, u, out)`, all as pointers, with matrices row
-    after row in `out`. A function of `ctypes` with `argtypes` of three `POINTER(c_double)` and the `restype` `None` is taken as well.
+    after row in `out`. A function of `ctypes` with `argtypes` of three `POINTER(c_double)` and the `restype` `None` is taken as well. The check
+    calls it once and a few times more for the differences.
+
+    Examples
+    --------
+    An angle in rad and its rate in rad/s, of a pendulum whose sine is measured every 10 ms:
+
+    >>> def f(x):
+    ...     return [x[0] + 0.01 * x[1], x[1] - 0.01 * np.sin(x[0])]
+    >>> def h(x):
+    ...     return [np.sin(x[0])]
+    >>> pendulum = Ekf(f, h, Q=[0, 1e-8], R=1e-4)
+    >>> pendulum
+    Ekf(f=f, h=h, Q=[0.0, 1e-08], R=0.0001)
+    >>> found = pendulum.run(np.sin(0.5 * np.cos(0.01 * np.arange(300))), x0=[0.4, 0], P0=[0.1, 0.1])
+    >>> found.x[-1].round(1).tolist()
+    [-0.5, -0.1]
     """
 
 
 class Ukf(_Nonlinear):
-    """The unscented Kalman filter of the same models, by sigma points with the spread α, β, κ and without derivatives."""
+    """The unscented Kalman filter of the model x′ = f(x, u) + w, z = h(x, u) + v, without derivatives.
+
+    Parameters
+    ----------
+    f, h, Q, R, check
+        As those of `Ekf`.
+    alpha, beta, kappa : float
+        The spread α, β, κ of the sigma points, without a unit.
+
+    Examples
+    --------
+    The logarithm of a number that drifts is measured:
+
+    >>> filter = Ukf(lambda x: x, lambda x: np.log(x), Q=1e-6, R=1e-4)
+    >>> filter.run(np.log([2.0, 2.0, 2.0]), x0=1.5, P0=0.1).x[-1].round(2).tolist()
+    [2.0]
+    """
 
     def __init__(
         self,
@@ -164,8 +356,9 @@ class Ukf(_Nonlinear):
         alpha: float = 1.0,
         beta: float = 2.0,
         kappa: float = 1.0,
+        check: bool = True,
     ) -> None:
-        super().__init__(f, h, Q=Q, R=R)
+        super().__init__(f, h, Q=Q, R=R, check=check)
         self._points = (alpha, beta, kappa)
 
 
@@ -199,15 +392,19 @@ def _rows(values: ArrayLike) -> Numbers:
 
 
 def _vector(values: ArrayLike) -> Numbers:
-    return np.ascontiguousarray(np.atleast_1d(np.asarray(values, dtype=np.float64))).reshape(-1)
+    array = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    if array.ndim != 1:
+        raise ValueError(f"`x0` has the shape {array.shape}; expected a number for each state, of the shape ({array.size},)")
+    return np.ascontiguousarray(array)
 
 
 def _matrix(values: ArrayLike, rows: int, columns: int | None) -> Numbers:
+    """A matrix; a vector is the diagonal of a square one, or the only row or column."""
     array = np.asarray(values, dtype=np.float64)
     if array.ndim == 0 and rows == 1:
         array = array.reshape(1, 1)
     if array.ndim == 1 and rows == columns == array.size:
         array = np.diag(array)
-    elif array.ndim == 1 and array.size == rows * (columns or 1):
+    elif array.ndim == 1 and (rows == 1 or columns in (None, 1)) and array.size == rows * (columns or 1):
         array = array.reshape(rows, columns or 1)
     return np.ascontiguousarray(array)

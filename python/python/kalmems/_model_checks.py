@@ -1,0 +1,123 @@
+"""What is refused of the model of a filter before it runs."""
+
+from __future__ import annotations
+
+import ctypes
+import inspect
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Numbers: TypeAlias = NDArray[np.float64]
+Evaluated: TypeAlias = Callable[[Numbers], Numbers]
+
+SYMMETRY = 1e-12
+"""How far a covariance may differ from its transpose, relative to its largest element."""
+DERIVATIVE = 1e-2
+"""How far an element of a derivative may be from the difference quotient, relative to the larger."""
+NEGLIGIBLE = 1e-8
+"""The effect of an element on a value, relative to the largest in its row, from which on it is compared."""
+
+
+def finite(**arrays: Numbers | None) -> None:
+    """Refuses numbers that are not finite."""
+    for name, array in arrays.items():
+        if array is not None and not np.isfinite(array).all():
+            raise ValueError(f"`{name}` has elements that are not finite")
+
+
+def measured(z: Numbers) -> None:
+    """Refuses infinite samples; one that is not a number is missing."""
+    rows = np.flatnonzero(np.isinf(z).any(axis=1))
+    if rows.size:
+        raise ValueError(f"`z` is infinite at sample {rows[0]}; a sample that is missing is `nan`")
+
+
+def covariance(name: str, matrix: Numbers) -> None:
+    """Refuses what is no covariance. One of another shape is refused where the filter begins."""
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or matrix.size == 0:
+        return
+    largest = float(np.abs(matrix).max())
+    difference = np.abs(matrix - matrix.T)
+    if difference.max() > SYMMETRY * largest:
+        i, j = np.unravel_index(int(difference.argmax()), matrix.shape)
+        pair = f"element ({i}, {j}) is {matrix[i, j]:g} and ({j}, {i}) is {matrix[j, i]:g}"
+        raise ValueError(f"`{name}` is not symmetric: {pair}; give `({name} + {name}.T) / 2` if that is what is meant")
+    smallest = float(np.linalg.eigvalsh(matrix)[0])
+    if smallest < -SYMMETRY * largest * len(matrix):
+        raise ValueError(f"`{name}` is no covariance: its smallest eigenvalue is {smallest:.3g}; variances are on its diagonal and not negative")
+
+
+def arguments(name: str, function: Callable[..., Any], has_inputs: bool) -> None:
+    """Refuses a function of Python that cannot be called with a state, or a state and inputs."""
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        # Not all functions that are written in C have one.
+        return
+    try:
+        signature.bind(*(2 if has_inputs else 1) * [None])
+    except TypeError:
+        mend = f"write `{name}(x, u)`" if has_inputs else f"write `{name}(x)`, or give the inputs `u`"
+        given = "with" if has_inputs else "without"
+        raise ValueError(f"`{name}{signature}` cannot be called {given} inputs; {mend}") from None
+
+
+def evaluated(function: Callable[..., Any], inputs: Numbers | None, count: int, is_compiled: bool) -> Evaluated:
+    """A function of the state alone, at the inputs of the first sample; one that is compiled fills `count` numbers."""
+    if not is_compiled:
+        return lambda x: np.asarray(function(x) if inputs is None else function(x, inputs), dtype=np.float64)
+    native: Any = getattr(function, "ctypes", function)
+    pointer = ctypes.POINTER(ctypes.c_double)
+
+    def call(x: Numbers) -> Numbers:
+        state, u, out = x.copy(), np.zeros(1) if inputs is None else inputs.copy(), np.full(count, np.nan)
+        native(*(array.ctypes.data_as(pointer) for array in (state, u, out)))
+        return out
+
+    return call
+
+
+def value(name: str, found: Numbers, count: int) -> Numbers:
+    """The value of `f` or `h`: a vector, or a number if there is one."""
+    if found.shape == (count,) or (count == 1 and found.size == 1):
+        return found.reshape(count)
+    raise ValueError(f"`{name}` gives an array of the shape {found.shape}; expected ({count},)")
+
+
+def slope(name: str, found: Numbers, rows: int, columns: int, is_compiled: bool) -> Numbers:
+    """The value of `F` or `H`: a matrix, or a vector if it has a single row or column."""
+    is_flat = found.ndim < 2 and (is_compiled or min(rows, columns) == 1) and found.size == rows * columns
+    if found.shape == (rows, columns) or is_flat:
+        return found.reshape(rows, columns)
+    raise ValueError(f"`{name}` gives an array of the shape {found.shape}; expected ({rows}, {columns})")
+
+
+def derivative(name: str, of: str, given: Numbers, function: Evaluated, x: Numbers, scales: Numbers) -> None:
+    """Compares a derivative with central differences at a state; `scales` is how far each state is expected to be off."""
+    near, _ = differences(function, x, scales, 1.0)
+    far, noise = differences(function, x, scales, 2.0)
+    # Of the differences: what their step and the digits of the values leave undecided.
+    unsure = 10 * np.abs(near - far) + 10 * noise
+    error, larger = np.abs(given - near), np.maximum(np.abs(given), np.abs(near))
+    weights = (larger * scales) / np.maximum((larger * scales).max(axis=1, keepdims=True), np.finfo(float).tiny)
+    wrong = (error > DERIVATIVE * larger + unsure) & (weights > NEGLIGIBLE) | ~np.isfinite(given)
+    if wrong.any():
+        i, j = np.argwhere(wrong)[0]
+        mend = f"correct it, or leave `{name}` out and differences are used (`check=False` leaves all checks out)"
+        raise ValueError(f"`{name}` is not the derivative of `{of}` at `x0`: element ({i}, {j}) is {given[i, j]:.6g}, by differences {near[i, j]:.6g}; {mend}")
+
+
+def differences(function: Evaluated, x: Numbers, scales: Numbers, steps: float) -> tuple[Numbers, Numbers]:
+    """∂f/∂x by central differences, and how much of it may come from the digits of the values."""
+    slopes, noises = [], []
+    for place, scale in enumerate(scales):
+        step = np.zeros_like(x)
+        step[place] = steps * np.cbrt(np.finfo(float).eps) * max(abs(x[place]), scale)
+        above, below = function(x + step).reshape(-1), function(x - step).reshape(-1)
+        width = (x + step)[place] - (x - step)[place]
+        slopes.append((above - below) / width)
+        noises.append(np.finfo(float).eps * (np.abs(above) + np.abs(below)) / width)
+    return np.stack(slopes, axis=1), np.stack(noises, axis=1)
