@@ -5,7 +5,7 @@ use super::axis::AxisValues;
 use super::description::{Spacing, StudyPicture};
 use super::map::{self, StudyMap};
 use super::runs::{StudyRuns, written};
-use super::spread::{RowGroup, spreads};
+use super::spread::{EstimatorSpread, RowGroup, spreads};
 use crate::table::{TidyTable, number};
 use crate::units::ColumnHeader;
 use kalmems_core::Portable;
@@ -35,16 +35,8 @@ fn one(runs: &StudyRuns, picture: &StudyPicture, index: usize) -> Result<Figure,
     let Some(place) = place.filter(|place| *place < plan.axes.len()) else {
         return Err("there is nothing to draw it against".to_owned());
     };
-    let header = ColumnHeader::parse(&picture.metric);
-    let label = picture.label.clone().unwrap_or_else(|| {
-        let name = picture.metric.strip_suffix(&format!("_{}", header.unit_text)).unwrap_or(&picture.metric);
-        let words: Vec<&str> = name.split(['.', '_']).filter(|word| *word != "errors").collect();
-        words.join(" ")
-    });
-    let mut value = kalmems_figures::Axis::new(&label, header.unit_text);
-    if picture.scale == Spacing::Log {
-        value = value.log();
-    }
+    let value = value_axis(picture);
+    let label = value.label.clone();
     let over = picture.over.as_deref().and_then(place_of);
     let panels = match over {
         Some(over) => {
@@ -62,6 +54,39 @@ fn one(runs: &StudyRuns, picture: &StudyPicture, index: usize) -> Result<Figure,
     let title = format!("{label} against {}{over_words}", words(place));
     let figure = Figure::new(format!("{}_{file}", index + 1), title, caption(runs, place, over));
     Ok(panels.into_iter().fold(figure, Figure::with))
+}
+
+/// The quantity of a picture.
+fn value_axis(picture: &StudyPicture) -> kalmems_figures::Axis {
+    let header = ColumnHeader::parse(&picture.metric);
+    let label = picture.label.clone().unwrap_or_else(|| {
+        let name = picture.metric.strip_suffix(&format!("_{}", header.unit_text)).unwrap_or(&picture.metric);
+        let words: Vec<&str> = name.split(['.', '_']).filter(|word| *word != "errors").collect();
+        words.join(" ")
+    });
+    let value = kalmems_figures::Axis::new(label, header.unit_text);
+    if picture.scale == Spacing::Log { value.log() } else { value }
+}
+
+/// The points at which the quantity of the first picture is smallest and largest, in one sentence; `None` without a picture or a number.
+pub(super) fn answer(runs: &StudyRuns) -> Option<String> {
+    let StudyRuns { plan, table, groups, of_rows, .. } = runs;
+    let picture = plan.description.figure.first()?;
+    let column = figure_column(table, &picture.metric).ok()?;
+    let value = value_axis(picture);
+    let all = spreads(plan, table, (of_rows, column));
+    let by_median = |a: &&EstimatorSpread, b: &&EstimatorSpread| a.median.total_cmp(&b.median);
+    let ends = [all.iter().min_by(by_median)?, all.iter().max_by(by_median)?];
+    let [least, most] = ends.map(|end| {
+        let run = plan.run(end.point * plan.description.repeats);
+        let settings = plan.grid().filter_map(|(place, axis)| {
+            Some(format!("{} {}", axis.name.replace('_', " "), written(run.settings.get(place)?)))
+        });
+        let place = std::iter::once(name(groups, &groups[end.group])).chain(settings);
+        format!("{} ({})", value_in_words(&value, end.median), place.collect::<Vec<_>>().join(", "))
+    });
+    let of = if plan.description.repeats > 1 { "medians of the repeats" } else { "all points" };
+    Some(format!("{}, {of}: from {least} to {most}", value.label))
 }
 
 /// Lines over one axis, or points where its values are drawn by chance.

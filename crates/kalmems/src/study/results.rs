@@ -2,7 +2,7 @@
 
 use super::calibration::{self, StudyCalibrationSummary};
 use super::journal::{FinishedRuns, JournalHeader};
-use super::pictures::pictures;
+use super::pictures::{self, pictures};
 use super::runs::StudyRuns;
 use super::table::table;
 use super::{Shard, StudyError, StudyPlan, spread};
@@ -22,6 +22,9 @@ use std::path::{Path, PathBuf};
 pub struct Summary {
     /// The study's name.
     pub study: String,
+    /// Where the quantity of its first picture is smallest and largest, in one sentence.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub answer: Option<String>,
     /// Points of its grid.
     pub points: u64,
     /// Runs: each point once for each repeat.
@@ -90,6 +93,9 @@ impl Summary {
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for answer in &self.answer {
+            writeln!(f, "{answer}")?;
+        }
         f.write_str(&self.in_short())?;
         for table in self.calibration.iter().flat_map(calibration::page_tables) {
             write!(f, "\n\n{}", table.to_text().trim_end())?;
@@ -157,6 +163,7 @@ impl StudyPlan {
         }
         let summary = Summary {
             study: self.name().to_owned(),
+            answer: pictures::answer(&runs_of_page),
             points: self.points(),
             runs: self.runs(),
             rows: table.rows.len(),
@@ -192,7 +199,8 @@ impl StudyPlan {
     }
 
     fn page(&self, summary: &Summary, header: &JournalHeader, runs: PageSection) -> Page {
-        let mut result = PageSection::new("Verdict").part(PagePart::Verdict);
+        let result = PageSection::new("Verdict").part(PagePart::Verdict);
+        let mut result = summary.answer.iter().fold(result, PageSection::paragraph);
         for notice in summary.notices() {
             result = result.notice(notice.severity, notice.text);
         }
