@@ -38,6 +38,7 @@ mod error;
 mod finding;
 mod findings;
 pub(crate) mod label;
+mod lane;
 mod origin;
 mod pass;
 mod plan;
