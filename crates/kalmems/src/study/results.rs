@@ -93,7 +93,7 @@ impl Summary {
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for answer in &self.answer {
+        if let Some(answer) = &self.answer {
             writeln!(f, "{answer}")?;
         }
         f.write_str(&self.in_short())?;
