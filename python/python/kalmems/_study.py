@@ -10,12 +10,19 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
 from . import _html, _kalmems, _rows
+from ._errors import KalmemsError
 from ._executor import finished
 from ._needed import needed
 from ._rows import Cell
 
 if TYPE_CHECKING:
+    import pandas
+    import polars
+
     from ._experiment import Experiment
 
 PARTS = 32
@@ -39,6 +46,8 @@ class Study:
 
     def parts(self, count: int) -> list[Part]:
         """As many parts of about as many runs each."""
+        if count < 1:
+            raise KalmemsError(f"a study has at least one part, and {count} are asked for; give as many as there are workers, or more")
         return [Part(self, part, count) for part in range(1, count + 1)]
 
     def run(
@@ -64,6 +73,9 @@ class Study:
         if executor is None:
             journal = _kalmems.study_run(self._texts, folder, 1, 1, threads, progress)
             return self._merged([journal], folder, force)
+        if not hasattr(executor, "submit"):
+            expected = "an object with `submit`, such as `concurrent.futures.ProcessPoolExecutor()`"
+            raise KalmemsError(f"the executor is of the type {type(executor).__name__}; expected {expected}")
         count = min(parts if parts is not None else PARTS, self.runs)
         return self.merge(finished(executor, self.parts(count), deadline, progress), folder, force=force)
 
@@ -71,6 +83,9 @@ class Study:
         self, parts: Iterable[bytes | str | os.PathLike[str]], folder: str | os.PathLike[str], *, force: bool = False
     ) -> StudyResult:
         """Joins what all parts gave, bytes or journals, and writes the results into a folder. A part that was run twice counts once."""
+        parts = list(parts)
+        if not parts:
+            raise KalmemsError("there are no parts to merge; give what `run` of each part of `study.parts(count)` returned")
         with tempfile.TemporaryDirectory() as place:
             journals = []
             for number, part in enumerate(parts):
@@ -128,20 +143,22 @@ class StudyResult:
         """The rows of `results.csv`: numbers, booleans and texts, and `None` for an empty cell."""
         return _rows.read((self.folder / "results.csv").read_bytes().decode())
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pandas.DataFrame:
         """All figures of all runs as a `pandas.DataFrame`."""
-        return needed("pandas", "pandas").read_csv(self.folder / "results.csv")
+        table: pandas.DataFrame = needed("pandas", "pandas").read_csv(self.folder / "results.csv")
+        return table
 
-    def to_polars(self) -> Any:
+    def to_polars(self) -> polars.DataFrame:
         """All figures of all runs as a `polars.DataFrame`."""
-        return needed("polars", "polars").read_csv(self.folder / "results.csv", infer_schema_length=None)
+        table: polars.DataFrame = needed("polars", "polars").read_csv(self.folder / "results.csv", infer_schema_length=None)
+        return table
 
     @property
     def figure_names(self) -> list[str]:
         """The figures of the report, which `figures=` of the study asked for."""
         return [str(figure["id"]) for figure in self._figures]
 
-    def plot(self, figure: str | None = None) -> Any:
+    def plot(self, figure: str | None = None) -> NDArray[np.object_]:
         """Draws a figure of the report, the first where no name is given (needs matplotlib); its axes, from top to bottom."""
         from . import _plot
 
