@@ -7,6 +7,8 @@ mod common;
 mod compilers;
 #[path = "emit/host.rs"]
 mod host;
+#[path = "emit/losses.rs"]
+mod losses;
 
 use cases::{Case, cases};
 use compilers::{compile, folder, has, run, write};

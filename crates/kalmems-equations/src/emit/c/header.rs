@@ -47,7 +47,7 @@ pub(super) fn header(
     let _ = write!(
         text,
         "/*\n * One interval on. An input that is not a number is taken for the last one that was. 1 where it was taken; 0 where the result would not be\n \
-         * finite, and the filter has begun again as at the start.\n{} */\n\
+         * finite, and the filter has begun again.\n{} */\n\
          int {name}_predict({});\n\n",
         interface.inputs(" * "),
         Interface::arguments(name, &interface.predict, &[])
@@ -63,7 +63,8 @@ pub(super) fn header(
         );
     }
     let again = if request.begins_again() {
-        " * Where too many samples are none of the signal that it follows, it begins again as at the start.\n"
+        " * Where too many samples are none of the signal, it goes on from the state that it had before, if that predicts the signal again. If it stays lost, it\n \
+         * begins again: with those means and the covariance of the start, and at last as at the start.\n"
     } else {
         ""
     };
@@ -117,10 +118,12 @@ fn types(
         let _ = write!(text, "}} {name}_parameters_t;\n\n");
     }
     *text += &request.watch_types();
+    *text += &request.kept_type();
     let _ = write!(
         text,
         "typedef struct {{\n    {name}_state_t state;\n    {name}_watch_t watch[{upper}_MEASUREMENTS];\n    \
-         unsigned begun; /* how often it has begun again, having lost its signal or its numbers */\n{}",
+         unsigned begun; /* how often it has lost its signal or its numbers, and what it knew of the motion */\n{}{}",
+        if request.begins_again() { format!("    {name}_kept_t kept;\n") } else { String::new() },
         if request.update_every > 1 {
             "    unsigned left; /* samples until the next correction */\n"
         } else {

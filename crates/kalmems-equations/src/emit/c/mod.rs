@@ -2,6 +2,7 @@
 
 mod functions;
 mod header;
+mod loss;
 mod steps;
 
 use super::error::EmitError;

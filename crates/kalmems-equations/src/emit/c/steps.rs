@@ -1,6 +1,6 @@
 //! What is around the routines in C99: start, parameters, and steps that are taken whole or not at all.
 
-use super::{C, float, kind, number};
+use super::{C, float, kind, loss, number};
 use crate::device::Device;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
@@ -28,8 +28,10 @@ pub(super) fn finish(
         .collect();
     let _ = write!(
         text,
-        "\n/* Takes over a state where all its numbers are finite. */\nWITHIN int take({name}_t *filter, const {name}_state_t *state)\n{{\n    \
-         const float sum = {};\n    if (!(sum - sum == 0.0F)) {{\n        return 0;\n    }}\n    filter->state = *state;\n    return 1;\n}}\n",
+        "\n/* Whether all numbers of a state are finite. */\nWITHIN int is_finite(const {name}_state_t *state)\n{{\n    const float sum = {};\n    \
+         return sum - sum == 0.0F;\n}}\n\n/* Takes over a state where all its numbers are finite. */\n\
+         WITHIN int take({name}_t *filter, const {name}_state_t *state)\n{{\n    if (!is_finite(state)) {{\n        return 0;\n    }}\n    \
+         filter->state = *state;\n    return 1;\n}}\n",
         arrays.join("\n                      + ")
     );
     if let Some(configure) = &program.configure {
@@ -92,6 +94,9 @@ pub(super) fn finish(
         let _ = writeln!(text, "    {name}_parameters_t parameters;");
     }
     text.push_str("    first(filter);\n    filter->begun = 0U;\n");
+    if request.begins_again() {
+        text.push_str("    filter->kept.age = 0U;\n    filter->kept.agrees = 0U;\n    filter->kept.state = filter->state;\n");
+    }
     if !interface.step.is_empty() {
         let _ = write!(
             text,
@@ -162,7 +167,7 @@ fn answers(text: &mut String, request: &EmitRequest, program: &FilterProgram) {
     }
 }
 
-/// What goes over the interval between samples in several steps, and what begins again.
+/// What goes over the interval between samples in several steps.
 fn within(
     text: &mut String,
     device: &Device,
@@ -170,7 +175,7 @@ fn within(
     program: &FilterProgram,
     interface: &Interface,
 ) -> Result<(), EmitError> {
-    let (name, upper) = (&request.name, request.name.to_uppercase());
+    let name = &request.name;
     if request.parts > 1 {
         let length = (request.parts as f64).recip();
         let arguments = interface.part_arguments(device, program, length, float)?;
@@ -197,16 +202,6 @@ fn within(
             program.predict.call("predict", &targets, &arguments)
         );
     }
-    if request.begins_again() {
-        let _ = write!(
-            text,
-            "\n/* A filter that has lost its signal for so many samples begins again as at the start. */\n\
-             WITHIN void begin_again({name}_t *filter)\n{{\n    unsigned k;\n    for (k = 0U; k < {upper}_MEASUREMENTS; k++) {{\n        \
-             if (filter->watch[k].open >= {}U) {{\n            restart(filter);\n            return;\n        \
-             }}\n    }}\n}}\n",
-            request.watch_rules().lost
-        );
-    }
     Ok(())
 }
 
@@ -219,10 +214,7 @@ fn steps(
     interface: &Interface,
 ) -> Result<(), EmitError> {
     let name = &request.name;
-    let _ = write!(
-        text,
-        "\n/* Begins again as at the start, and counts it. */\nWITHIN void restart({name}_t *filter)\n{{\n    first(filter);\n    filter->begun++;\n}}\n"
-    );
+    *text += &loss::restart(request);
     if !interface.step.is_empty() {
         let _ = write!(
             text,
@@ -236,36 +228,61 @@ fn steps(
     let held = |inputs: &[String]| {
         interface.held(inputs, |name, place| format!("    {name} = held(filter, {place}U, {name});\n"))
     };
-    let again = if request.begins_again() { "    begin_again(filter);\n" } else { "" };
+    let begins_again = request.begins_again();
+    if begins_again {
+        let updates = UpdateFunction::all(interface, (device, request), program);
+        *text += &loss::functions(request, program, interface, updates);
+    }
+    let again =
+        if begins_again { "    if (is_open(filter)) {\n        recover(filter);\n    }\n" } else { "" };
     let targets = CallTargets { state: "&next", watch: "", constants: "filter->constants" };
     let way = if request.parts > 1 { "advance" } else { "predict" };
     let predict = program.predict.call(way, &targets, &interface.predict);
-    let _ = write!(
-        text,
-        "\nint {name}_predict({})\n{{\n    {name}_state_t next = filter->state;\n{}    {predict};\n    if (take(filter, &next)) {{\n        return 1;\n    }}\n    \
-         restart(filter);\n    return 0;\n}}\n",
-        Interface::arguments(name, &interface.predict, &[]),
-        held(&interface.predict)
-    );
+    let handed = further(&interface.predict, "", "");
+    let declared = Interface::arguments(name, &interface.predict, &[]);
+    let held_first = held(&interface.predict);
+    let _ = if begins_again {
+        let kept = CallTargets { state: "&filter->kept.state", ..targets };
+        let kept = program.predict.call("predict_alone", &kept, &interface.predict);
+        write!(
+            text,
+            "\nint {name}_predict({declared})\n{{\n{held_first}    if (is_kept(filter)) {{\n        {kept};\n    }}\n    \
+             return predicted(filter{handed});\n}}\n"
+        )
+    } else {
+        write!(
+            text,
+            "\nint {name}_predict({declared})\n{{\n    {name}_state_t next = filter->state;\n{held_first}    {predict};\n    \
+             if (take(filter, &next)) {{\n        return 1;\n    }}\n    restart(filter);\n    return 0;\n}}\n"
+        )
+    };
     let mut calls = Vec::new();
     for update in UpdateFunction::all(interface, (device, request), program) {
         let of = &update.name;
         let watch = format!("&filter->watch[{}]", update.place);
         let over = CallTargets { state: "&next", watch: &watch, constants: "filter->constants" };
-        let one = update.routine.call(of, &over, &update.arguments());
+        let arguments = update.arguments();
+        let one = update.routine.call(of, &over, &arguments);
+        let corrects = if begins_again && !update.is_event {
+            let alone = update.routine.call(&format!("{of}_alone"), &over, &arguments);
+            format!(
+                "    taken = {alone};\n    if (is_open(filter)) {{\n        keep(filter);\n        look_by_{of}(filter{});\n    }}\n    \
+                 taken = taken && take(filter, &next);\n{again}",
+                further(&arguments, "", "")
+            )
+        } else {
+            format!("    taken = {one} && take(filter, &next);\n")
+        };
         let _ = write!(
             text,
-            "\nint {name}_{of}({})\n{{\n    {name}_state_t next = filter->state;\n    int taken;\n{}    taken = {one} && take(filter, &next);\n{}    \
-             return taken;\n}}\n",
+            "\nint {name}_{of}({})\n{{\n    {name}_state_t next = filter->state;\n    int taken;\n{}{corrects}    return taken;\n}}\n",
             Interface::arguments(name, &update.inputs, &update.measured),
             held(&update.inputs),
-            if update.is_event { "" } else { again }
         );
         if !update.is_event {
             calls.push(one);
         }
     }
-    let handed = further(&interface.predict, "", "");
     let between = if request.update_every > 1 {
         let every = format!("{}_UPDATE_EVERY", name.to_uppercase());
         format!(
@@ -283,10 +300,19 @@ fn steps(
     for one in calls {
         let _ = writeln!(text, "    taken &= {one};");
     }
+    let (goes_on, alone) = if begins_again {
+        let all = further(interface.step.iter().chain(&interface.measured), "", "");
+        let goes_on = format!(
+            "    if (is_open(filter)) {{\n        keep(filter);\n        go_on(filter{all});\n    }}\n"
+        );
+        (goes_on, "predicted".to_owned())
+    } else {
+        (String::new(), format!("{name}_predict"))
+    };
     let _ = write!(
         text,
-        "    if (!take(filter, &next)) {{\n        /* What follows from the measurements is not finite: the prediction alone. */\n        \
-         (void){name}_predict(filter{handed});\n        taken = 0;\n    }}\n{again}    return taken;\n}}\n"
+        "{goes_on}    if (!take(filter, &next)) {{\n        /* What follows from the measurements is not finite: the prediction alone. */\n        \
+         (void){alone}(filter{handed});\n        taken = 0;\n    }}\n{again}    return taken;\n}}\n"
     );
     Ok(())
 }

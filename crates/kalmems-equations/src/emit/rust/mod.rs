@@ -1,5 +1,6 @@
 //! A filter in Rust, without `std` and without any crate.
 
+mod kept;
 mod methods;
 mod tables;
 
@@ -10,7 +11,7 @@ use super::request::{EmitGain, EmitRequest};
 use super::routine::{ArrayNames, Routine, Syntax};
 use super::tables::{FunctionSource as _, listed};
 use super::tape::CalledFunction;
-use super::watch::{IN_RUST, WatchRules};
+use super::watch::{IN_RUST, LOSS_IN_RUST, WatchRules};
 use crate::device::Device;
 use methods::methods;
 use std::collections::BTreeSet;
@@ -159,11 +160,20 @@ pub(super) fn files(
         text,
         "\n/// The filter.\n#[derive(Clone, Copy, Debug)]\npub struct Filter {{\n    /// What is estimated.\n    pub state: State,\n    \
          /// What the corrections by each measurement saw.\n    pub watch: [InnovationWatch; MEASUREMENTS],\n    \
-         /// How often it has begun again, having lost its signal or its numbers.\n    pub begun: u32,\n    \
+         /// How often it has lost its signal or its numbers, and what it knew of the motion.\n    pub begun: u32,\n    \
          /// How many inputs were no numbers, in whose places are the last that were.\n    pub missing: u32,\n    inputs: [f32; INPUTS],\n    \
-         /// Samples until the next correction.\n    left: u32,\n{field}}}\n\n"
+         /// Samples until the next correction.\n    left: u32,\n{field}{}}}\n\n",
+        if request.begins_again() {
+            "    /// Its state as its gate opened, predicted on.\n    kept: State,\n    /// What is known of that.\n    loss: KeptRecord,\n"
+        } else {
+            ""
+        }
     );
     text += IN_RUST;
+    if request.begins_again() {
+        text.push('\n');
+        text += LOSS_IN_RUST;
+    }
     text += &rules(request)?;
     if program.routines().iter().any(|routine| routine.counts()[4] > 0) {
         text += CHOICE;
