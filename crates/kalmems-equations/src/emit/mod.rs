@@ -6,6 +6,7 @@
 //! constants as possible are exactly one, and equal parts are computed once. The covariance is a triangle, and products with
 //! what is always zero or one are left out: a parameter that is a state, whose row of the Jacobian is its own, costs little.
 
+mod accessors;
 mod c;
 mod error;
 mod example_program;

@@ -121,10 +121,10 @@ fn sign_and_phase_are_kept_through_a_loss_of_the_signal() {
             let found = apart(&case, &request, [&said.values, &clean], &sd);
             assert!(found < 1.0 && said.begun == 0.0, "{name}, {language}: {found} sd");
             assert_eq!(*said.status.last().unwrap(), FOLLOWING, "{name}, {language}");
-            // The rehearsal goes the same way; a filter that is lost claims nothing.
+            // The rehearsal goes the same way, where the filter claims to follow the signal.
             for (k, sample) in samples.iter_mut().enumerate() {
                 sample.expected.clone_from(&said.values[k]);
-                let claim = if said.status[k] == LOST { 0.0 } else { 1.0 };
+                let claim = if said.status[k] == FOLLOWING { 1.0 } else { 0.0 };
                 sample.expected_sd = sd[k].iter().map(|sd| claim * sd).collect();
             }
             request.rehearsal.clone_from(&samples);

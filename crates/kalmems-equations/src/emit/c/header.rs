@@ -1,7 +1,8 @@
 //! The header in C99.
 
-use super::{comment, float, kind};
+use super::{accessors, comment, float, kind};
 use crate::device::Device;
+use crate::emit::accessors::state_accesses;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
 use crate::emit::interface::{Interface, UpdateFunction};
@@ -30,6 +31,8 @@ pub(super) fn header(
         request.measures.len(),
         request.update_every
     );
+    let states = state_accesses(device, request, program);
+    text += &accessors::places(request, &states);
     types(&mut text, (device, request), program, interface.step.len());
     if program.configure.is_some() {
         let _ = write!(
@@ -63,8 +66,8 @@ pub(super) fn header(
         );
     }
     let again = if request.begins_again() {
-        " * Where too many samples are none of the signal, it goes on from the state that it had before, if that predicts the signal again. If it stays lost, it\n \
-         * begins again: with those means and the covariance of the start, and at last as at the start.\n"
+        " * Where too many samples are none of the signal, it takes them all, and keeps its state from before: it goes on from that if that predicts the\n \
+         * signal again. If it stays lost, it begins again, in turn with the means that it has kept and as at the start.\n"
     } else {
         ""
     };
@@ -75,9 +78,13 @@ pub(super) fn header(
          /* How it stands to a measurement, the first of which is 0. */\n{name}_status_t {name}_status(const {name}_t *filter, unsigned measurement);\n\n\
          /* What was last measured of it, minus what was predicted, in SI. Not a number of a measurement that there is not. */\n\
          float {name}_innovation(const {name}_t *filter, unsigned measurement);\n\n\
+         /* The variance of that by the filter, in SI. */\nfloat {name}_innovation_variance(const {name}_t *filter, unsigned measurement);\n\n\
+         /* The normalised innovation squared; its mean is 1 of a consistent filter. */\nfloat {name}_nis(const {name}_t *filter, unsigned measurement);\n\n\
+         /* Samples since the last one that was taken. */\nunsigned {name}_since(const {name}_t *filter, unsigned measurement);\n\n\
          /* The mean of a state in SI. Not a number of a state that there is not. */\nfloat {name}_value(const {name}_t *filter, unsigned state);\n\n",
         Interface::arguments(name, &interface.step, &interface.measured)
     );
+    text += &accessors::declarations(request, program, &states);
     if request.gain == EmitGain::Covariance {
         let _ = write!(
             text,
@@ -85,7 +92,21 @@ pub(super) fn header(
         );
     }
     text += "#ifdef __cplusplus\n}\n#endif\n\n#endif\n";
-    Ok(text)
+    Ok(documented(&text))
+}
+
+/// Comments as Doxygen reads them: of what follows, or of what stands before in their line.
+fn documented(text: &str) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for line in text.lines() {
+        lines.push(match line.split_once("/*") {
+            Some(("", rest)) if lines.is_empty() => format!("/**\n * @file{rest}"),
+            Some((before, rest)) if before.trim().is_empty() => format!("{before}/**{rest}"),
+            Some((before, rest)) => format!("{before}/**<{rest}"),
+            None => line.to_owned(),
+        });
+    }
+    lines.join("\n") + "\n"
 }
 
 /// The types of a filter.

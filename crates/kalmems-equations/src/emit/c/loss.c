@@ -20,6 +20,8 @@ static void keep(@name@_t *filter)
         filter->kept.state = filter->state;
         filter->kept.age = 1U;
         filter->kept.agrees = 0U;
+        filter->kept.alike = 0U;
+        filter->kept.tries = 0U;
     }
 }
 
@@ -48,30 +50,46 @@ static void looked(@name@_t *filter, const @name@_watch_t *look)
     }
 }
 
+/* Whether the means point where those point that are kept: half a cycle apart they point the other way. */
+static int is_alike(const @name@_t *filter)
+{
+    float product = 0.0F, own = 0.0F, kept = 0.0F;
+    unsigned k;
+    for (k = 0U; k < @NAME@_STATES; k++) {
+        const float mean = (float)filter->state.mean[k], other = (float)filter->kept.state.mean[k];
+        product += mean * other;
+        own += mean * mean;
+        kept += other * other;
+    }
+    return product > 0.0F && product * product > 0.25F * own * kept;
+}
+
 /* Behind a sample with an open gate: the filter goes on from what it has kept where that predicts the signal, and begins again where it is lost. */
 static void recover(@name@_t *filter)
 {
     unsigned k, most = 0U;
-    if (is_kept(filter) && filter->kept.agrees >= @agrees@U && is_finite(&filter->kept.state)) {
-        filter->state = filter->kept.state;
-        filter->kept.age = 0U;
-        for (k = 0U; k < @NAME@_MEASUREMENTS; k++) {
-            filter->watch[k] = FRESH;
-            filter->watch[k].seen = @settling@U;
-        }
-        return;
-    }
     for (k = 0U; k < @NAME@_MEASUREMENTS; k++) {
         most = filter->watch[k].open > most ? filter->watch[k].open : most;
     }
-    if (most >= @lost@U) {
-        restart(filter);
-    } else if (is_kept(filter)) {
-        /* Found by what is taken, or given up: what was kept is of no more use. */
-        filter->kept.age = most > 0U ? filter->kept.age + 1U : 0U;
-        if (most == 0U || !is_kept(filter)) {
-            filter->begun++;
+    if (is_kept(filter)) {
+        filter->kept.alike = most == 0U && is_alike(filter) ? filter->kept.alike + 1U : 0U;
+        if (filter->kept.agrees >= @agrees@U && is_finite(&filter->kept.state)) {
+            filter->state = filter->kept.state;
+            for (k = 0U; k < @NAME@_MEASUREMENTS; k++) {
+                filter->watch[k] = FRESH;
+                filter->watch[k].seen = @settling@U;
+            }
+            filter->kept.age = 0U;
+        } else if (filter->kept.alike >= @agrees@U) {
+            filter->kept.age = 0U;
+        } else if (most >= @lost@U) {
+            restart(filter);
+        } else {
+            filter->kept.age++;
+            filter->begun += is_kept(filter) ? 0U : 1U;
         }
+    } else if (most >= @lost@U) {
+        restart(filter);
     } else if (most == 0U) {
         filter->kept.age = 0U;
     }

@@ -16,10 +16,11 @@ pub(super) fn restart(request: &EmitRequest) -> String {
     }
     let rules = request.watch_rules();
     format!(
-        "\n/* Begins again: with the means that it has kept and the covariance of the start, or as at the start, which it counts. */\n\
+        "\n/* Begins again: in turn with the means that it has kept and the covariance of the start, and as at the start. */\n\
          static void restart({name}_t *filter)\n{{\n    unsigned k;\n    first(filter);\n    \
          if (!(filter->kept.age > 0U && filter->kept.age < {longest}U && is_finite(&filter->kept.state))) {{\n        filter->kept.age = 0U;\n        \
-         filter->begun++;\n        return;\n    }}\n    filter->kept.age++;\n    for (k = 0U; k < {upper}_STATES; k++) {{\n        \
+         filter->begun++;\n        return;\n    }}\n    filter->kept.age++;\n    filter->kept.tries++;\n    \
+         if (filter->kept.tries % 2U == 0U) {{\n        return;\n    }}\n    for (k = 0U; k < {upper}_STATES; k++) {{\n        \
          filter->state.mean[k] = filter->kept.state.mean[k];\n    }}\n    for (k = 0U; k < {upper}_MEASUREMENTS; k++) {{\n        \
          filter->watch[k].seen = {settling}U;\n        filter->watch[k].open = 1U;\n        filter->watch[k].beyond = 0.07F;\n    }}\n}}\n",
         longest = rules.longest(),

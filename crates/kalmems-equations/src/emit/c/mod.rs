@@ -1,5 +1,6 @@
 //! A filter in C99.
 
+mod accessors;
 mod functions;
 mod header;
 mod loss;

@@ -1,7 +1,8 @@
 //! What is around the routines in C99: start, parameters, and steps that are taken whole or not at all.
 
-use super::{C, float, kind, loss, number};
+use super::{C, accessors, float, kind, loss, number};
 use crate::device::Device;
+use crate::emit::accessors::state_accesses;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
 use crate::emit::interface::{CallTargets, Interface, UpdateFunction, further};
@@ -95,7 +96,10 @@ pub(super) fn finish(
     }
     text.push_str("    first(filter);\n    filter->begun = 0U;\n");
     if request.begins_again() {
-        text.push_str("    filter->kept.age = 0U;\n    filter->kept.agrees = 0U;\n    filter->kept.state = filter->state;\n");
+        text.push_str(
+            "    filter->kept.state = filter->state;\n    filter->kept.age = 0U;\n    filter->kept.agrees = 0U;\n    \
+             filter->kept.alike = 0U;\n    filter->kept.tries = 0U;\n",
+        );
     }
     if !interface.step.is_empty() {
         let _ = write!(
@@ -113,7 +117,7 @@ pub(super) fn finish(
     text.push_str("}\n");
     steps(text, device, request, program, interface)?;
     answers(text, request, program);
-    Ok(())
+    accessors::functions(text, request, program, &state_accesses(device, request, program))
 }
 
 /// What a program asks of a filter.
@@ -128,7 +132,8 @@ fn answers(text: &mut String, request: &EmitRequest, program: &FilterProgram) {
     };
     let unsure = if request.mirrored {
         format!(
-            "    if (filter->begun > 0U && watch->since == 0U) {{\n        return {upper}_SIGN_UNSURE;\n    }}\n"
+            "    if ({} > 0U && watch->since == 0U) {{\n        return {upper}_SIGN_UNSURE;\n    }}\n",
+            if request.begins_again() { "(filter->kept.age | filter->begun)" } else { "filter->begun" }
         )
     } else {
         String::new()
@@ -141,7 +146,13 @@ fn answers(text: &mut String, request: &EmitRequest, program: &FilterProgram) {
          if (watch->median > 4.0F * MEDIAN) {{\n        return {upper}_OVERCONFIDENT;\n    }}\n{unsure}    \
          return watch->since > 0U ? {upper}_LEFT_OUT : {upper}_FOLLOWING;\n}}\n\n\
          float {name}_innovation(const {name}_t *filter, unsigned measurement)\n{{\n    \
-         return measurement < {upper}_MEASUREMENTS ? DEVIATION[measurement] * filter->watch[measurement].residual : nothing();\n}}\n"
+         return measurement < {upper}_MEASUREMENTS ? DEVIATION[measurement] * filter->watch[measurement].residual : nothing();\n}}\n\n\
+         float {name}_innovation_variance(const {name}_t *filter, unsigned measurement)\n{{\n    return measurement < {upper}_MEASUREMENTS\n               \
+         ? DEVIATION[measurement] * DEVIATION[measurement] * filter->watch[measurement].variance\n               : nothing();\n}}\n\n\
+         float {name}_nis(const {name}_t *filter, unsigned measurement)\n{{\n    \
+         return measurement < {upper}_MEASUREMENTS ? filter->watch[measurement].nis : nothing();\n}}\n\n\
+         unsigned {name}_since(const {name}_t *filter, unsigned measurement)\n{{\n    \
+         return measurement < {upper}_MEASUREMENTS ? filter->watch[measurement].since : 0U;\n}}\n"
     );
     let value = if widths.mean {
         "(float)((double)ORIGIN[state] + (double)UNIT[state] * filter->state.mean[state])"

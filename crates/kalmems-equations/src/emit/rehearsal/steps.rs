@@ -4,7 +4,7 @@ use super::{POINTS, Rehearsal, RehearsedEstimate, RehearsedState, narrow, rounde
 use crate::emit::names::SourceNames;
 use crate::emit::request::TestSample;
 use crate::emit::routine::{Routine, StorageArray};
-use crate::emit::watch::{InnovationWatch, KeptRecord, Recovery};
+use crate::emit::watch::{Beginning, InnovationWatch, KeptRecord, Recovery, is_alike};
 use std::collections::HashMap;
 
 impl RehearsedEstimate {
@@ -97,8 +97,11 @@ impl Rehearsal<'_> {
 
     fn recover(&self, state: &mut RehearsedState) {
         let is_finite = state.kept.is_finite();
-        match state.record.recovery(&self.rules, &state.watches, is_finite) {
-            Recovery::None | Recovery::Anew => {}
+        #[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
+        let means = |(own, kept): (&f64, &f64)| [*own as f32, *kept as f32];
+        let is_alike = is_alike(state.estimate.mean.iter().zip(&state.kept.mean).map(means));
+        match state.record.recovery(&self.rules, &state.watches, is_finite, is_alike) {
+            Recovery::None | Recovery::GivenUp => {}
             Recovery::Kept => {
                 state.estimate.clone_from(&state.kept);
                 state.watches.fill(self.rules.settled());
@@ -111,11 +114,12 @@ impl Rehearsal<'_> {
         state.estimate = self.start();
         state.left = 0;
         let is_finite = state.kept.is_finite();
-        let watch = if state.record.begins_with_kept(&self.rules, is_finite) {
-            state.estimate.mean.clone_from(&state.kept.mean);
-            self.rules.anew()
-        } else {
-            InnovationWatch::NEW
+        let watch = match state.record.begins(&self.rules, is_finite) {
+            Beginning::Kept => {
+                state.estimate.mean.clone_from(&state.kept.mean);
+                self.rules.anew()
+            }
+            Beginning::Start | Beginning::Unknown => InnovationWatch::NEW,
         };
         state.watches.fill(watch);
     }

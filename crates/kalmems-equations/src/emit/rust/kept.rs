@@ -10,15 +10,15 @@ use std::fmt::Write as _;
 const RECOVER: &str = "
     /// Goes on from the state that is kept where that predicts the signal, and begins again where the filter is lost.
     fn recover(&mut self) {
-        let is_finite = is_finite(&self.kept);
-        match self.loss.recovery(&RULES, &self.watch, is_finite) {
+        let means = self.state.mean.iter().zip(&self.kept.mean).map(|(own, kept)| [*own as f32, *kept as f32]);
+        match self.loss.recovery(&RULES, &self.watch, is_finite(&self.kept), is_alike(means)) {
             Recovery::None => {}
             Recovery::Kept => {
                 self.state = self.kept;
                 self.watch = [RULES.settled(); MEASUREMENTS];
             }
             Recovery::Again => self.restart(),
-            Recovery::Anew => self.begun = self.begun.wrapping_add(1),
+            Recovery::GivenUp => self.begun = self.begun.wrapping_add(1),
         }
     }
 
@@ -38,16 +38,18 @@ const RECOVER: &str = "
 
 /// How it begins again with what it has kept.
 const RESTART: &str = "
-    /// Begins again: with the means that it has kept and the covariance of the start, or as at the start, which it counts.
+    /// Begins again: in turn with the means that it has kept and the covariance of the start, and as at the start.
     fn restart(&mut self) {
         self.state = START;
+        self.watch = [InnovationWatch::NEW; MEASUREMENTS];
         self.left = 0;
-        if self.loss.begins_with_kept(&RULES, is_finite(&self.kept)) {
-            self.state.mean = self.kept.mean;
-            self.watch = [RULES.anew(); MEASUREMENTS];
-        } else {
-            self.watch = [InnovationWatch::NEW; MEASUREMENTS];
-            self.begun = self.begun.wrapping_add(1);
+        match self.loss.begins(&RULES, is_finite(&self.kept)) {
+            Beginning::Kept => {
+                self.state.mean = self.kept.mean;
+                self.watch = [RULES.anew(); MEASUREMENTS];
+            }
+            Beginning::Start => {}
+            Beginning::Unknown => self.begun = self.begun.wrapping_add(1),
         }
     }
 ";

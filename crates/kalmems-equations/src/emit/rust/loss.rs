@@ -6,7 +6,7 @@ const ANEW: f32 = 0.07;
 impl WatchRules {
     /// How many samples a state is kept for.
     pub fn longest(&self) -> u32 {
-        self.lost.saturating_mul(8)
+        self.lost.saturating_mul(64)
     }
 
     /// How many samples in a row a kept state predicts within the bound before the filter goes on from it.
@@ -35,8 +35,8 @@ pub enum Recovery {
     Kept,
     /// It begins again.
     Again,
-    /// It goes on, and what it has kept is of no more use.
-    Anew,
+    /// It goes on, and what it has kept is given up.
+    GivenUp,
 }
 
 /// What is known of a state that is kept through a loss of the signal: that of the filter as its gate opened, which is predicted on.
@@ -46,11 +46,37 @@ pub struct KeptRecord {
     pub age: u32,
     /// Samples in a row that it predicts within the bound.
     pub agrees: u32,
+    /// Samples in a row of which the filter, which takes samples as they are, has moved like it.
+    pub alike: u32,
+    /// How often the filter has begun again since then.
+    pub tries: u32,
+}
+
+/// Where a filter begins again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Beginning {
+    /// With the means that it has kept and the covariance of the start.
+    Kept,
+    /// As at the start, while something is kept.
+    Start,
+    /// As at the start, without anything kept.
+    Unknown,
+}
+
+/// Whether means point where others point: half a cycle apart they point the other way.
+pub fn is_alike(pairs: impl Iterator<Item = [f32; 2]>) -> bool {
+    let [mut product, mut own, mut kept] = [0.0_f32; 3];
+    for [mean, other] in pairs {
+        product += mean * other;
+        own += mean * mean;
+        kept += other * other;
+    }
+    product > 0.0 && product * product > 0.25 * own * kept
 }
 
 impl KeptRecord {
     /// Nothing is kept.
-    pub const NONE: Self = Self { age: 0, agrees: 0 };
+    pub const NONE: Self = Self { age: 0, agrees: 0, alike: 0, tries: 0 };
 
     /// Whether the state is predicted on.
     pub fn is_kept(&self, rules: &WatchRules) -> bool {
@@ -67,7 +93,7 @@ impl KeptRecord {
     pub fn opens(&mut self, rules: &WatchRules, watches: &[InnovationWatch]) -> bool {
         let opens = self.age == 0 && watches.iter().any(|watch| watch.open > 0 && watch.seen >= rules.settling);
         if opens {
-            *self = Self { age: 1, agrees: 0 };
+            *self = Self { age: 1, ..Self::NONE };
         }
         opens
     }
@@ -87,21 +113,33 @@ impl KeptRecord {
         }
     }
 
-    /// What becomes of the filter behind a sample with an open gate, where the numbers of the kept state are finite or not.
-    pub fn recovery(&mut self, rules: &WatchRules, watches: &[InnovationWatch], is_finite: bool) -> Recovery {
-        let is_kept = self.is_kept(rules);
-        if is_kept && is_finite && self.agrees >= rules.agrees(watches.len()) {
-            self.age = 0;
-            return Recovery::Kept;
-        }
+    /// What becomes of the filter behind a sample with an open gate, where the numbers of the kept state are finite or not, and its means are like those
+    /// of the filter or not.
+    pub fn recovery(
+        &mut self,
+        rules: &WatchRules,
+        watches: &[InnovationWatch],
+        is_finite: bool,
+        is_alike: bool,
+    ) -> Recovery {
         let most = watches.iter().map(|watch| watch.open).max().unwrap_or(0);
+        if self.is_kept(rules) {
+            self.alike = if most == 0 && is_alike { self.alike + 1 } else { 0 };
+            if self.agrees >= rules.agrees(watches.len()) && is_finite {
+                self.age = 0;
+                return Recovery::Kept;
+            }
+            if self.alike >= rules.agrees(watches.len()) {
+                self.age = 0;
+                return Recovery::None;
+            }
+            if most < rules.lost {
+                self.age += 1;
+                return if self.is_kept(rules) { Recovery::None } else { Recovery::GivenUp };
+            }
+        }
         if most >= rules.lost {
             return Recovery::Again;
-        }
-        if is_kept {
-            // Found by what is taken, or given up.
-            self.age = if most > 0 { self.age + 1 } else { 0 };
-            return if self.is_kept(rules) { Recovery::None } else { Recovery::Anew };
         }
         if most == 0 {
             self.age = 0;
@@ -109,10 +147,14 @@ impl KeptRecord {
         Recovery::None
     }
 
-    /// Whether a filter that begins again takes the means that are kept; if not, nothing is kept any more.
-    pub fn begins_with_kept(&mut self, rules: &WatchRules, is_finite: bool) -> bool {
-        let with_kept = self.is_kept(rules) && is_finite;
-        self.age = if with_kept { self.age + 1 } else { 0 };
-        with_kept
+    /// Where a filter begins again: in turn with what is kept and as at the start.
+    pub fn begins(&mut self, rules: &WatchRules, is_finite: bool) -> Beginning {
+        if !(self.is_kept(rules) && is_finite) {
+            self.age = 0;
+            return Beginning::Unknown;
+        }
+        self.age += 1;
+        self.tries += 1;
+        if self.tries % 2 == 0 { Beginning::Start } else { Beginning::Kept }
     }
 }

@@ -1,7 +1,8 @@
 //! What is around the routines in Rust: start, parameters, and steps that are taken whole or not at all.
 
-use super::{Rust, float, kept, kind, number, typed};
+use super::{Rust, accessors, float, kept, kind, number, typed};
 use crate::device::Device;
+use crate::emit::accessors::state_accesses;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
 use crate::emit::interface::{CallTargets, Interface, UpdateFunction};
@@ -86,6 +87,7 @@ pub(super) fn methods(
         };
         in_si(text, ("variances", "variances"), size, variance);
     }
+    accessors::methods(text, program, &state_accesses(device, request, program))?;
     text.push_str(
         "}\n\nimpl Default for Filter {\n    fn default() -> Self {\n        Self::new()\n    }\n}\n",
     );
@@ -289,10 +291,13 @@ fn steps(
         held(&interface.step)
     );
     let status = if request.mirrored {
-        "match watch.status(&RULES) {\n            SignalStatus::Following if self.begun > 0 => SignalStatus::SignUnsure,\n            \
-         other => other,\n        }"
+        let kept = if begins_again { " || self.loss.age > 0" } else { "" };
+        format!(
+            "match watch.status(&RULES) {{\n            SignalStatus::Following if self.begun > 0{kept} => SignalStatus::SignUnsure,\n            \
+             other => other,\n        }}"
+        )
     } else {
-        "watch.status(&RULES)"
+        "watch.status(&RULES)".to_owned()
     };
     let _ = write!(
         text,
@@ -301,6 +306,8 @@ fn steps(
          self.watch.get(measurement).map(|watch| {status})\n    }}\n\n    \
          /// What was last measured of each measurement, minus what was predicted, in SI.\n    \
          pub fn innovations(&self) -> [f32; MEASUREMENTS] {{\n        \
-         core::array::from_fn(|k| DEVIATION[k] * self.watch[k].residual)\n    }}\n"
+         core::array::from_fn(|k| DEVIATION[k] * self.watch[k].residual)\n    }}\n\n    \
+         /// The variances of these by the filter, in SI.\n    pub fn innovation_variances(&self) -> [f32; MEASUREMENTS] {{\n        \
+         core::array::from_fn(|k| DEVIATION[k] * DEVIATION[k] * self.watch[k].variance)\n    }}\n"
     );
 }

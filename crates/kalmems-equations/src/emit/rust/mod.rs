@@ -1,5 +1,6 @@
 //! A filter in Rust, without `std` and without any crate.
 
+mod accessors;
 mod kept;
 mod methods;
 mod tables;
