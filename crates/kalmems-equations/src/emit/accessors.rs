@@ -6,7 +6,7 @@ use super::request::EmitRequest;
 use crate::device::{Device, Named};
 
 /// What already stands in a header with the filter's name before it, in capitals.
-const CONSTANTS: [&str; 11] = [
+const CONSTANTS: [&str; 14] = [
     "H",
     "STATES",
     "INTERVAL_S",
@@ -18,6 +18,9 @@ const CONSTANTS: [&str; 11] = [
     "OVERCONFIDENT",
     "SIGN_UNSURE",
     "LOST",
+    "SATURATED",
+    "PARAMETERS_VERSION",
+    "EXPERIMENT",
 ];
 
 /// The same in small letters.

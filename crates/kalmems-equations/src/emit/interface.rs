@@ -198,6 +198,22 @@ impl Interface {
         inputs.iter().filter_map(|name| Some(of(name, place(name)?))).collect()
     }
 
+    /// The statements that make a gap of each measurement at an end of its range; `of` writes one for a name, its place and the ends.
+    pub(super) fn ranged(
+        &self,
+        request: &EmitRequest,
+        measured: &[String],
+        of: impl Fn(&str, usize, [f64; 2]) -> Result<String, EmitError>,
+    ) -> Result<String, EmitError> {
+        let mut text = String::new();
+        for (place, (name, measure)) in self.measured.iter().zip(&request.measures).enumerate() {
+            if let Some(range) = measure.range.filter(|_| measured.contains(name)) {
+                text += &of(name, place, range)?;
+            }
+        }
+        Ok(text)
+    }
+
     /// The parameters of a function in C.
     pub(super) fn arguments(name: &str, inputs: &[String], measured: &[String]) -> String {
         format!("{name}_t *filter{}", further(inputs.iter().chain(measured), "float ", ""))

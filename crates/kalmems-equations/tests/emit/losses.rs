@@ -13,7 +13,9 @@ const MEMORY: u32 = 200;
 
 /// The statuses of the header.
 const FOLLOWING: f64 = 1.0;
+const LEFT_OUT: f64 = 2.0;
 const LOST: f64 = 5.0;
+const SATURATED: f64 = 6.0;
 
 /// What a program says of each sample: the values, the status of the first measurement, and how often the filter has begun again.
 struct Answers {
@@ -132,5 +134,27 @@ fn sign_and_phase_are_kept_through_a_loss_of_the_signal() {
             println!("{name}, {language}: {share:.1e} sd from the rehearsal");
             assert!(share < OF_SD, "{name}, {language}: {share}");
         }
+    }
+}
+
+#[test]
+fn a_sample_at_an_end_of_its_range_is_a_gap_and_says_so() {
+    let case = cases().into_iter().find(|case| case.name == "shared_scanner").unwrap();
+    let mut request = case.variant(StepMethod::RungeKutta, false);
+    request.name = "ranged".to_owned();
+    request.watch = EmitWatch { rejects: true, settling: 1000, memory: MEMORY, largest_nis: 28.0 };
+    let (mut samples, _) = case.samples(&request, 11);
+    samples.truncate(LOSS + 100);
+    let most = samples.iter().fold(f64::NEG_INFINITY, |most, sample| most.max(sample.measured[0]));
+    request.measures[0].range = Some([-10.0, most + 1e-3]);
+    let mut gap = samples.clone();
+    samples[LOSS].measured[0] = most + 1e-3;
+    gap[LOSS].measured[0] = f64::NAN;
+    for ((language, said), (_, of_gap)) in
+        answers(&case, &request, &samples).iter().zip(answers(&case, &request, &gap))
+    {
+        assert_eq!(said.values, of_gap.values, "{language}");
+        assert_eq!([said.status[LOSS - 1], said.status[LOSS]], [FOLLOWING, SATURATED], "{language}");
+        assert_eq!([of_gap.status[LOSS], *said.status.last().unwrap()], [LEFT_OUT, FOLLOWING], "{language}");
     }
 }

@@ -3,6 +3,7 @@
 use super::{accessors, comment, float, kind};
 use crate::device::Device;
 use crate::emit::accessors::state_accesses;
+use crate::emit::crc;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
 use crate::emit::interface::{Interface, UpdateFunction};
@@ -21,11 +22,12 @@ pub(super) fn header(
     let mut text = comment(&interface.heading);
     let _ = write!(
         text,
-        "#ifndef {upper}_H\n#define {upper}_H\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n\
+        "#ifndef {upper}_H\n#define {upper}_H\n\n{}#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n\
          /* How many states there are:\n{} */\n#define {upper}_STATES {size}\n\n\
          /* The sampling interval in s. */\n#define {upper}_INTERVAL_S {}\n\n\
          /* How many measurements correct it. */\n#define {upper}_MEASUREMENTS {}\n\n\
          /* A step corrects by one sample in so many. */\n#define {upper}_UPDATE_EVERY {}U\n\n",
+        if program.configure.is_some() { "#include <stdint.h>\n\n" } else { "" },
         interface.states(" * "),
         float(request.sampling_interval_s())?,
         request.measures.len(),
@@ -37,7 +39,11 @@ pub(super) fn header(
     if program.configure.is_some() {
         let _ = write!(
             text,
-            "/* The parameters of the device. */\nvoid {name}_default_parameters({name}_parameters_t *parameters);\n\n\
+            "/* The parameters of the device, sealed. */\nvoid {name}_default_parameters({name}_parameters_t *parameters);\n\n\
+             /* Writes version, experiment and checksum, before parameters that have changed go to a memory. */\n\
+             void {name}_seal_parameters({name}_parameters_t *parameters);\n\n\
+             /* Whether parameters from a memory are as they were sealed, and of this list and experiment. */\n\
+             int {name}_parameters_are_whole(const {name}_parameters_t *parameters);\n\n\
              /* Takes parameters. 1 where they are taken; 0 where a number that follows is not finite. */\n\
              int {name}_configure({name}_t *filter, const {name}_parameters_t *parameters);\n\n"
         );
@@ -131,12 +137,22 @@ fn types(
     if program.configure.is_some() {
         let _ = writeln!(
             text,
-            "/* Parameters that may change while the program runs, in SI. */\ntypedef struct {{"
+            "/* What the names of the parameters are known by, and the experiment. */\n#define {upper}_PARAMETERS_VERSION 0x{:08X}U\n\
+             #define {upper}_EXPERIMENT 0x{:08X}U\n\n\
+             /* Parameters that may change while the program runs, in SI, and what tells whether they are whole. */\ntypedef struct {{\n    \
+             uint32_t version;\n    uint32_t experiment;",
+            crc::version(
+                &Interface::parameters(device, request, program)
+                    .into_iter()
+                    .map(|(field, ..)| field)
+                    .collect::<Vec<_>>()
+            ),
+            request.experiment
         );
         for (field, unit, _) in Interface::parameters(device, request, program) {
             let _ = writeln!(text, "    double {field}; /* {} */", unit.replace("*/", "* /"));
         }
-        let _ = write!(text, "}} {name}_parameters_t;\n\n");
+        let _ = write!(text, "    uint32_t crc; /* of all before it */\n}} {name}_parameters_t;\n\n");
     }
     *text += &request.watch_types();
     *text += &request.kept_type();
@@ -144,7 +160,14 @@ fn types(
         text,
         "typedef struct {{\n    {name}_state_t state;\n    {name}_watch_t watch[{upper}_MEASUREMENTS];\n    \
          unsigned begun; /* how often it has lost its signal or its numbers, and what it knew of the motion */\n{}{}",
-        if request.begins_again() { format!("    {name}_kept_t kept;\n") } else { String::new() },
+        (if request.begins_again() { format!("    {name}_kept_t kept;\n") } else { String::new() })
+            + &if request.has_range() {
+                format!(
+                    "    unsigned saturated[{upper}_MEASUREMENTS]; /* samples in a row at an end of the range */\n"
+                )
+            } else {
+                String::new()
+            },
         if request.update_every > 1 {
             "    unsigned left; /* samples until the next correction */\n"
         } else {

@@ -3,6 +3,7 @@
 use super::{C, accessors, float, kind, loss, number};
 use crate::device::Device;
 use crate::emit::accessors::state_accesses;
+use crate::emit::crc;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
 use crate::emit::interface::{CallTargets, Interface, UpdateFunction, further};
@@ -37,10 +38,12 @@ pub(super) fn finish(
     );
     if let Some(configure) = &program.configure {
         let written = configure.written(&C)?;
+        *text += &crc::IN_C.replace("@name@", name).replace("@NAME@", &name.to_uppercase());
         let _ = write!(text, "\nvoid {name}_default_parameters({name}_parameters_t *parameters)\n{{\n");
         for (field, _, value) in Interface::parameters(device, request, program) {
             let _ = writeln!(text, "    parameters->{field} = {value:?};");
         }
+        let _ = writeln!(text, "    {name}_seal_parameters(parameters);");
         let _ = write!(
             text,
             "}}\n\nint {name}_configure({name}_t *filter, const {name}_parameters_t *parameters)\n{{\n"
@@ -95,6 +98,11 @@ pub(super) fn finish(
         let _ = writeln!(text, "    {name}_parameters_t parameters;");
     }
     text.push_str("    first(filter);\n    filter->begun = 0U;\n");
+    if request.has_range() {
+        (0..request.measures.len()).for_each(|k| {
+            let _ = writeln!(text, "    filter->saturated[{k}] = 0U;");
+        });
+    }
     if request.begins_again() {
         text.push_str(
             "    filter->kept.state = filter->state;\n    filter->kept.age = 0U;\n    filter->kept.agrees = 0U;\n    \
@@ -138,12 +146,19 @@ fn answers(text: &mut String, request: &EmitRequest, program: &FilterProgram) {
     } else {
         String::new()
     };
+    let saturated = if request.has_range() {
+        format!(
+            "    if (filter->saturated[measurement < {upper}_MEASUREMENTS ? measurement : 0U] > 0U) {{\n        return {upper}_SATURATED;\n    }}\n"
+        )
+    } else {
+        String::new()
+    };
     let _ = write!(
         text,
         "\n{name}_status_t {name}_status(const {name}_t *filter, unsigned measurement)\n{{\n    \
          const {name}_watch_t *const watch = &filter->watch[measurement < {upper}_MEASUREMENTS ? measurement : 0U];\n{starting}    \
          if (watch->open > 0U) {{\n        return {upper}_LOST;\n    }}\n    \
-         if (watch->median > 4.0F * MEDIAN) {{\n        return {upper}_OVERCONFIDENT;\n    }}\n{unsure}    \
+         if (watch->median > 4.0F * MEDIAN) {{\n        return {upper}_OVERCONFIDENT;\n    }}\n{saturated}{unsure}    \
          return watch->since > 0U ? {upper}_LEFT_OUT : {upper}_FOLLOWING;\n}}\n\n\
          float {name}_innovation(const {name}_t *filter, unsigned measurement)\n{{\n    \
          return measurement < {upper}_MEASUREMENTS ? DEVIATION[measurement] * filter->watch[measurement].residual : nothing();\n}}\n\n\
@@ -235,6 +250,21 @@ fn steps(
              return filter->inputs[place];\n}}\n"
         );
     }
+    if request.has_range() {
+        let _ = write!(
+            text,
+            "\n/* A sample; at an end of its range or beyond, it is a gap. */\n\
+             WITHIN float in_range({name}_t *filter, unsigned measurement, float value, float low, float high)\n{{\n    \
+             if (!(value <= low || value >= high)) {{\n        filter->saturated[measurement] = 0U;\n        return value;\n    }}\n    \
+             if (filter->saturated[measurement] + 1U != 0U) {{\n        filter->saturated[measurement]++;\n    }}\n    return nothing();\n}}\n"
+        );
+    }
+    let ranged = |measured: &[String]| {
+        interface.ranged(request, measured, |name, place, [low, high]| {
+            let (low, high) = (float(low)?, float(high)?);
+            Ok(format!("    {name} = in_range(filter, {place}U, {name}, {low}, {high});\n"))
+        })
+    };
     within(text, device, request, program, interface)?;
     let held = |inputs: &[String]| {
         interface.held(inputs, |name, place| format!("    {name} = held(filter, {place}U, {name});\n"))
@@ -288,7 +318,7 @@ fn steps(
             text,
             "\nint {name}_{of}({})\n{{\n    {name}_state_t next = filter->state;\n    int taken;\n{}{corrects}    return taken;\n}}\n",
             Interface::arguments(name, &update.inputs, &update.measured),
-            held(&update.inputs),
+            held(&update.inputs) + &ranged(&update.measured)?,
         );
         if !update.is_event {
             calls.push(one);
@@ -306,7 +336,7 @@ fn steps(
         text,
         "\nint {name}_step({})\n{{\n    {name}_state_t next = filter->state;\n    int taken = 1;\n{between}{}    {predict};\n",
         Interface::arguments(name, &interface.step, &interface.measured),
-        held(&interface.step)
+        held(&interface.step) + &ranged(&interface.measured)?
     );
     for one in calls {
         let _ = writeln!(text, "    taken &= {one};");

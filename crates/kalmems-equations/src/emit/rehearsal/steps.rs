@@ -139,7 +139,9 @@ impl Rehearsal<'_> {
         sample: &TestSample,
         watch: &mut InnovationWatch,
     ) {
-        let seen = sample.measured.get(place).copied();
+        let range = self.request.measures.get(place).and_then(|measure| measure.range);
+        let is_at_end = |seen: f64| range.is_some_and(|[low, high]| seen <= low || seen >= high);
+        let seen = sample.measured.get(place).map(|seen| if is_at_end(*seen) { f64::NAN } else { *seen });
         if let (Some(update), Some(_)) = (self.program.updates.get(place), seen) {
             self.apply(estimate, update, &sample.inputs, seen, Some(watch));
         }

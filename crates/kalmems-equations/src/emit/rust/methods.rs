@@ -51,7 +51,8 @@ pub(super) fn methods(
     }
     let state = format!(
         "state: START, watch: [InnovationWatch::NEW; MEASUREMENTS], begun: 0, missing: 0, inputs: [0.0; INPUTS], left: 0{}",
-        if request.begins_again() { ", kept: START, loss: KeptRecord::NONE" } else { "" }
+        (if request.has_range() { ", saturated: [0; MEASUREMENTS]" } else { "" }).to_owned()
+            + if request.begins_again() { ", kept: START, loss: KeptRecord::NONE" } else { "" }
     );
     text.push_str("\nimpl Filter {\n    /// Before the first sample.\n    pub fn new() -> Self {\n");
     match &program.configure {
@@ -72,7 +73,7 @@ pub(super) fn methods(
         "\n    /// Takes over a state where all its numbers are finite.\n    fn take(&mut self, state: &State) -> bool {\n        \
          if is_finite(state) {\n            self.state = *state;\n            return true;\n        }\n        false\n    }\n",
     );
-    steps(text, device, request, program, interface);
+    steps(text, device, request, program, interface)?;
     let value = if widths.mean {
         "(f64::from(ORIGIN[k]) + f64::from(UNIT[k]) * self.state.mean[k]) as f32"
     } else {
@@ -186,7 +187,7 @@ fn steps(
     request: &EmitRequest,
     program: &FilterProgram,
     interface: &Interface,
-) {
+) -> Result<(), EmitError> {
     text.push_str(kept::restart(request));
     if !interface.step.is_empty() {
         text.push_str(
@@ -197,6 +198,21 @@ fn steps(
     }
     let held = |inputs: &[String]| {
         interface.held(inputs, |name, place| format!("        let {name} = self.held({place}, {name});\n"))
+    };
+    if request.has_range() {
+        text.push_str(
+            "\n    /// A sample; at an end of its range or beyond, it is a gap.\n    #[inline(always)]\n    \
+             fn in_range(&mut self, measurement: usize, value: f32, [low, high]: [f32; 2]) -> f32 {\n        \
+             let is_at_end = value <= low || value >= high;\n        \
+             self.saturated[measurement] = if is_at_end { self.saturated[measurement].saturating_add(1) } else { 0 };\n        \
+             if is_at_end { f32::NAN } else { value }\n    }\n",
+        );
+    }
+    let ranged = |measured: &[String]| {
+        interface.ranged(request, measured, |name, place, [low, high]| {
+            let (low, high) = (float(low)?, float(high)?);
+            Ok(format!("        let {name} = self.in_range({place}, {name}, [{low}, {high}]);\n"))
+        })
     };
     let begins_again = request.begins_again();
     if begins_again {
@@ -255,7 +271,7 @@ fn steps(
             "\n    /// {what} True where it was taken; false where it is left out, and nothing has changed.\n    \
              pub fn {of}(&mut self{}) -> bool {{\n{}        let mut next = self.state;\n{corrects}        taken\n    }}\n",
             typed(&arguments),
-            held(&update.inputs),
+            held(&update.inputs) + &ranged(&update.measured)?,
         );
         if !update.is_event {
             let _ = writeln!(calls, "        taken &= {one};");
@@ -288,16 +304,20 @@ fn steps(
          if !self.take(&next) {{\n            // What follows from the measurements is not finite: the prediction alone.\n            \
          let _ = self.{alone}({handed});\n            taken = false;\n        }}\n{again}        taken\n    }}\n",
         typed(&all),
-        held(&interface.step)
+        held(&interface.step) + &ranged(&interface.measured)?
     );
-    let status = if request.mirrored {
-        let kept = if begins_again { " || self.loss.age > 0" } else { "" };
-        format!(
-            "match watch.status(&RULES) {{\n            SignalStatus::Following if self.begun > 0{kept} => SignalStatus::SignUnsure,\n            \
-             other => other,\n        }}"
-        )
-    } else {
+    let lost = if begins_again { "self.begun > 0 || self.loss.age > 0" } else { "self.begun > 0" };
+    let mut arms = String::new();
+    if request.has_range() {
+        arms += "            SignalStatus::Following | SignalStatus::LeftOut if self.saturated[measurement] > 0 => SignalStatus::Saturated,\n";
+    }
+    if request.mirrored {
+        let _ = writeln!(arms, "            SignalStatus::Following if {lost} => SignalStatus::SignUnsure,");
+    }
+    let status = if arms.is_empty() {
         "watch.status(&RULES)".to_owned()
+    } else {
+        format!("match watch.status(&RULES) {{\n{arms}            other => other,\n        }}")
     };
     let _ = write!(
         text,
@@ -310,4 +330,5 @@ fn steps(
          /// The variances of these by the filter, in SI.\n    pub fn innovation_variances(&self) -> [f32; MEASUREMENTS] {{\n        \
          core::array::from_fn(|k| DEVIATION[k] * DEVIATION[k] * self.watch[k].variance)\n    }}\n"
     );
+    Ok(())
 }

@@ -27,7 +27,7 @@ pub struct WatchRules {
     pub lost: u32,
 }
 
-/// How a filter stands to a measurement. Where several hold, the first one of starting, lost, overconfident, left out and sign unsure is said.
+/// How a filter stands to a measurement. Where several hold, the first one of starting, lost, overconfident, saturated, left out and sign unsure is said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SignalStatus {
     /// It settles, up to the end of the settling time: every sample is taken.
@@ -43,6 +43,8 @@ pub enum SignalStatus {
     /// An eighth of the last samples and more were none of the signal, and all are taken until less than a sixteenth are, or the state that was kept from
     /// before predicts the signal again: the means are not to be trusted.
     Lost,
+    /// The last sample was at an end of the range of its instrument: a gap.
+    Saturated,
 }
 
 /// What the corrections by a measurement saw.
