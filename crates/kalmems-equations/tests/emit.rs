@@ -7,6 +7,8 @@ mod common;
 mod compilers;
 #[path = "emit/host.rs"]
 mod host;
+#[path = "emit/losses.rs"]
+mod losses;
 
 use cases::{Case, cases};
 use compilers::{compile, folder, has, run, write};
@@ -265,7 +267,10 @@ fn parameters_events_and_gaps_are_those_of_the_library() {
         let input = text_of(&samples, &emitted.files);
         write(&folder, &emitted.files);
         let change = "    adjustable_parameters_t other;\n    unsigned count = 0U;\n    adjustable_default_parameters(&other);\n    \
-             other.p_natural_frequency *= 1.001;\n    other.p_steepness *= 0.99;\n";
+             if (!adjustable_parameters_are_whole(&other)) {\n        return 2;\n    }\n    \
+             other.p_natural_frequency *= 1.001;\n    other.p_steepness *= 0.99;\n    \
+             if (adjustable_parameters_are_whole(&other)) {\n        return 3;\n    }\n    adjustable_seal_parameters(&other);\n    \
+             if (!adjustable_parameters_are_whole(&other) || other.experiment != 0x1234ABCDU) {\n        return 4;\n    }\n";
         let (_, main) = emitted.files.iter().find(|(name, _)| name == "main.c").unwrap();
         let main = main
             .replace("    unsigned k;\n", &format!("    unsigned k;\n{change}"))
@@ -284,8 +289,9 @@ fn parameters_events_and_gaps_are_those_of_the_library() {
         let main = main
             .replace(
                 "    for given",
-                "    let mut other = adjustable::Parameters::default();\n    other.p_natural_frequency *= 1.001;\n    \
-                 other.p_steepness *= 0.99;\n    assert!(filter.configure(&other));\n    let mut count = 0;\n    for given",
+                "    let mut other = adjustable::Parameters::default();\n    assert!(other.are_whole());\n    other.p_natural_frequency *= 1.001;\n    \
+                 other.p_steepness *= 0.99;\n    assert!(!other.are_whole());\n    other.seal();\n    \
+                 let other = adjustable::Parameters::from_bytes(&other.to_bytes());\n    assert!(other.are_whole());\n    assert!(filter.configure(&other));\n    let mut count = 0;\n    for given",
             )
             .replace(
                 "        let values",

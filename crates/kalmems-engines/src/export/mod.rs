@@ -10,7 +10,7 @@ mod write;
 
 pub use error::ExportError;
 pub use samples::ExportSamples;
-pub use write::{Exported, c_name, export, heading, place_of_filter, write_export};
+pub use write::{Exported, c_name, checksum, export, heading, place_of_filter, write_export};
 
 use std::num::NonZeroU32;
 

@@ -156,6 +156,11 @@ pub fn export(
     Ok(Exported::of(experiment, request, (name, interval_s), files))
 }
 
+/// The first four bytes of the digest of an experiment, by which parameters know theirs.
+pub fn checksum(experiment: &Experiment) -> u32 {
+    digest(experiment).get(..8).and_then(|text| u32::from_str_radix(text, 16).ok()).unwrap_or_default()
+}
+
 /// Lines for the head of each file: the experiment with its digest, the filter, and its interval in s.
 pub fn heading(
     experiment: &Experiment,

@@ -5,7 +5,7 @@ use super::filter::FilterProgram;
 use super::names::SourceNames;
 use super::request::{EmitDigits, EmitRequest, InputCourse, StepMethod};
 use super::routine::{Routine, StorageArray, Widths};
-use crate::device::Device;
+use crate::device::{Device, Parameter};
 use std::fmt::Write as _;
 
 /// Arguments and texts.
@@ -72,6 +72,7 @@ impl Interface {
             }
             .to_owned(),
         );
+        heading.extend(parameters_in_si(device, request));
         if let [first, others @ ..] = program.rehearsed.as_slice() {
             let least = others.iter().copied().fold(f64::INFINITY, f64::min);
             let (of_32, by_more) = match request.digits {
@@ -197,6 +198,22 @@ impl Interface {
         inputs.iter().filter_map(|name| Some(of(name, place(name)?))).collect()
     }
 
+    /// The statements that make a gap of each measurement at an end of its range; `of` writes one for a name, its place and the ends.
+    pub(super) fn ranged(
+        &self,
+        request: &EmitRequest,
+        measured: &[String],
+        of: impl Fn(&str, usize, [f64; 2]) -> Result<String, EmitError>,
+    ) -> Result<String, EmitError> {
+        let mut text = String::new();
+        for (place, (name, measure)) in self.measured.iter().zip(&request.measures).enumerate() {
+            if let Some(range) = measure.range.filter(|_| measured.contains(name)) {
+                text += &of(name, place, range)?;
+            }
+        }
+        Ok(text)
+    }
+
     /// The parameters of a function in C.
     pub(super) fn arguments(name: &str, inputs: &[String], measured: &[String]) -> String {
         format!("{name}_t *filter{}", further(inputs.iter().chain(measured), "float ", ""))
@@ -211,6 +228,20 @@ impl Interface {
     pub(super) fn inputs(&self, indent: &str) -> String {
         lines(&self.inputs, indent)
     }
+}
+
+/// The parameters of which the constants are made, a line for each.
+fn parameters_in_si(device: &Device, request: &EmitRequest) -> Vec<String> {
+    let is_state = |place: &usize| request.free.iter().any(|free| free.parameter == *place);
+    let known = device.parameters.iter().zip(&request.parameters).enumerate();
+    let line = |(_, (parameter, value)): (usize, (&Parameter, &f64))| {
+        format!("- {} = {value:?} ({})", parameter.named.name, parameter.named.unit_text)
+    };
+    let lines: Vec<String> = known.filter(|(place, _)| !is_state(place)).map(line).collect();
+    if lines.is_empty() {
+        return lines;
+    }
+    std::iter::once("Its constants are those of these parameters, in SI:".to_owned()).chain(lines).collect()
 }
 
 /// The points of an interval at which an input is asked for, in parts of it.

@@ -6,7 +6,9 @@
 //! constants as possible are exactly one, and equal parts are computed once. The covariance is a triangle, and products with
 //! what is always zero or one are left out: a parameter that is a state, whose row of the Jacobian is its own, costs little.
 
+mod accessors;
 mod c;
+mod crc;
 mod error;
 mod example_program;
 mod exponential;
@@ -96,11 +98,12 @@ impl Device {
     ///     method: StepMethod::RungeKutta,
     ///     parameters: device.values(),
     ///     adjustable: vec![],
+    ///     experiment: 0,
     ///     states: vec![StateStart::at(0.0); 2],
     ///     start_covariance: vec![1e-12, 0.0, 0.0, 1e-6],
     ///     process_noise: vec![0.0, 0.0, 0.0, 1e-12],
     ///     free: vec![],
-    ///     measures: vec![EmitMeasure { measure: 0, variance: 1e-4 }],
+    ///     measures: vec![EmitMeasure { measure: 0, variance: 1e-4, range: None }],
     ///     events: vec![],
     ///     gain: EmitGain::Covariance,
     ///     digits: EmitDigits::Single,

@@ -30,10 +30,10 @@ impl SourceNames {
         let measures = request.measures.iter().filter_map(|m| device.measures.get(m.measure));
         let events = request.events.iter().filter_map(|e| device.events.get(e.event));
         Self {
-            states: unique(states),
-            inputs: unique(device.inputs.iter()),
-            parameters: unique(device.parameters.iter().map(|parameter| &parameter.named)),
-            measures: unique(measures.chain(events)),
+            states: plain_names(states),
+            inputs: plain_names(device.inputs.iter()),
+            parameters: plain_names(device.parameters.iter().map(|parameter| &parameter.named)),
+            measures: plain_names(measures.chain(events)),
             measured: request.measures.len(),
             courses: request.courses.clone(),
         }
@@ -96,7 +96,7 @@ impl SourceNames {
 }
 
 /// Names of letters that every language has, each once.
-fn unique<'a>(named: impl Iterator<Item = &'a Named>) -> Vec<String> {
+pub(super) fn plain_names<'a>(named: impl Iterator<Item = &'a Named>) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for named in named {
         let mut name = String::new();

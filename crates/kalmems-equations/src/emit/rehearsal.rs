@@ -1,12 +1,13 @@
 //! The filter run over its vectors as the source runs, in numbers of 32 and of 64 bits: how many digits it needs.
 
+mod steps;
+
 use super::filter::FilterProgram;
 use super::interface::{Interface, POINTS};
-use super::names::SourceNames;
 use super::request::{EmitDigits, EmitRequest, InputCourse, TestSample};
 use super::routine::{Routine, StorageArray};
 use super::tape::{CalledFunction, TapeId, TapeOp};
-use super::watch::{InnovationWatch, WatchRules};
+use super::watch::{InnovationWatch, KeptRecord, WatchRules};
 use crate::device::Device;
 use crate::laws::{LawId, MOST_ARGUMENTS, partial};
 use kalmems_models::capacitance::VACUUM_PERMITTIVITY;
@@ -82,11 +83,20 @@ fn rounded(value: f64, wide: bool) -> f64 {
     if wide { value } else { narrow(value) }
 }
 
-/// Mean and covariance as the source keeps them, and what its corrections saw.
+/// Mean and covariance as the source has them.
 #[derive(Clone)]
-struct RehearsedState {
+struct RehearsedEstimate {
     mean: Vec<f64>,
     covariance: Vec<f64>,
+}
+
+/// The filter as the source has it.
+struct RehearsedState {
+    estimate: RehearsedEstimate,
+    /// What is kept through a loss of the signal, and what is known of that.
+    kept: RehearsedEstimate,
+    record: KeptRecord,
+    /// What its corrections saw.
     watches: Vec<InnovationWatch>,
     /// Samples until the next correction.
     left: u32,
@@ -128,7 +138,8 @@ impl<'a> Rehearsal<'a> {
             for (k, expected) in sample.expected.iter().enumerate() {
                 let units = &self.program.units;
                 // The source returns numbers of 32 bits.
-                let kept = units.origin(k) + units.scale(k) * state.mean.get(k).copied().unwrap_or(0.0);
+                let kept =
+                    units.origin(k) + units.scale(k) * state.estimate.mean.get(k).copied().unwrap_or(0.0);
                 let apart_by = |value: f64| {
                     let difference = value - expected;
                     match self.periods.iter().find(|(place, _)| *place == k) {
@@ -158,41 +169,6 @@ impl<'a> Rehearsal<'a> {
         (relative.fold(0.0, f64::max), of_claim)
     }
 
-    fn first(&self) -> RehearsedState {
-        let ((mean, covariance), widths) = (&self.program.start, self.program.widths);
-        RehearsedState {
-            mean: mean.iter().map(|value| rounded(*value, widths.mean)).collect(),
-            covariance: covariance.iter().map(|value| rounded(*value, widths.covariance)).collect(),
-            watches: vec![InnovationWatch::NEW; self.request.measures.len()],
-            left: 0,
-        }
-    }
-
-    /// A prediction, the corrections by events and those by measurements; what is not finite is not taken.
-    fn step(&self, state: &mut RehearsedState, sample: &TestSample) {
-        let measures = self.request.measures.len();
-        for part in 0..self.request.parts {
-            self.take(state, (&self.program.predict, 0), &self.inputs_of_part(sample, part), None);
-        }
-        let events = self.program.updates.iter().enumerate().skip(measures).zip(&sample.events);
-        for ((place, event), ago_s) in events {
-            if let Some(ago_s) = ago_s {
-                self.take(state, (event, place), &sample.inputs, Some(*ago_s));
-            }
-        }
-        if state.left > 0 {
-            state.left -= 1;
-            return;
-        }
-        state.left = self.request.update_every - 1;
-        for ((place, update), seen) in self.program.updates.iter().enumerate().zip(&sample.measured) {
-            self.take(state, (update, place), &sample.inputs, Some(*seen));
-        }
-        if self.request.begins_again() && state.watches.iter().any(|watch| watch.open >= self.rules.lost) {
-            *state = self.first();
-        }
-    }
-
     /// The inputs of one of the steps of an interval, as the source has them between those that it is given.
     fn inputs_of_part(&self, sample: &TestSample, part: usize) -> [Vec<f64>; 3] {
         if self.request.parts == 1 {
@@ -218,60 +194,6 @@ impl<'a> Rehearsal<'a> {
             };
             (0..self.device.inputs.len()).map(of).collect()
         })
-    }
-
-    fn take(
-        &self,
-        state: &mut RehearsedState,
-        (routine, place): (&Routine, usize),
-        inputs: &[Vec<f64>; 3],
-        seen: Option<f64>,
-    ) {
-        let mut names: HashMap<String, f64> = HashMap::new();
-        let program = self.program;
-        for (k, mean) in state.mean.iter().enumerate() {
-            names.insert(program.names.state(k), *mean);
-        }
-        for i in 0..state.mean.len() {
-            for j in 0..=i {
-                if let Some(entry) = state.covariance.get(i * (i + 1) / 2 + j) {
-                    names.insert(SourceNames::covariance(i, j), *entry);
-                }
-            }
-        }
-        for ((point, _), inputs) in POINTS.iter().zip(inputs) {
-            for (k, input) in inputs.iter().enumerate().take(self.device.inputs().len()) {
-                names.insert(program.names.input(k, point), narrow(*input));
-            }
-        }
-        for (k, constant) in self.constants.iter().enumerate() {
-            names.insert(format!("c{k}"), *constant);
-        }
-        if let Some(seen) = seen {
-            names.insert("seen".to_owned(), narrow(seen));
-        }
-        let mut next = state.clone();
-        let (outputs, innovation) = self.outputs(routine, &names);
-        #[allow(clippy::cast_possible_truncation)] // rounding to f32 is what is wanted
-        if let (Some([residual, variance]), Some(watch)) = (innovation, state.watches.get_mut(place))
-            && !watch.believes(&self.rules, residual as f32, variance as f32)
-        {
-            return;
-        }
-        next.watches.clone_from(&state.watches);
-        for (array, place, value) in outputs {
-            let slot = match array {
-                StorageArray::Mean => next.mean.get_mut(place),
-                StorageArray::Covariance => next.covariance.get_mut(place),
-                StorageArray::Constants | StorageArray::Stage => None,
-            };
-            if let Some(slot) = slot {
-                *slot = value;
-            }
-        }
-        if next.mean.iter().chain(&next.covariance).all(|value| value.is_finite()) {
-            *state = next;
-        }
     }
 
     /// What a routine computes from named numbers, and the innovation of a measurement with its variance.

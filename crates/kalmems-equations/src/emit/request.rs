@@ -73,6 +73,8 @@ pub struct EmitMeasure {
     pub measure: usize,
     /// The variance of one sample in its unit².
     pub variance: f64,
+    /// The lowest and the highest value that the instrument shows, in SI: a sample at them or beyond is a gap.
+    pub range: Option<[f64; 2]>,
 }
 
 /// An event that corrects the filter when its caller says how long before the sample it happened: its expression was zero then.
@@ -207,6 +209,8 @@ pub struct EmitRequest {
     pub parameters: Vec<f64>,
     /// The parameters that the program may change, by their places: they stand in a structure.
     pub adjustable: Vec<usize>,
+    /// What identifies the experiment in that structure, such as the first four bytes of its digest.
+    pub experiment: u32,
     /// The start of each state of the device.
     pub states: Vec<StateStart>,
     /// The covariance of the device's states at the start, row by row.
@@ -241,6 +245,11 @@ impl EmitRequest {
     /// How many states the filter has.
     pub(super) fn size(&self) -> usize {
         self.states.len() + self.free.len()
+    }
+
+    /// Whether a measurement has a range.
+    pub(super) fn has_range(&self) -> bool {
+        self.measures.iter().any(|measure| measure.range.is_some())
     }
 
     /// The interval between samples in s.
@@ -297,6 +306,12 @@ impl EmitRequest {
         let variances = self.measures.iter().map(|m| ("measures", m.variance));
         for (field, variance) in variances.chain(self.events.iter().map(|e| ("events", e.variance))) {
             positive(field, variance)?;
+        }
+        for [low, high] in self.measures.iter().filter_map(|measure| measure.range) {
+            if !(low < high) {
+                let found = format!("from {low} to {high}");
+                return Err(EmitError::request("measures", &found, "a range that rises"));
+            }
         }
         self.check_gain()?;
         self.check_vectors(device)

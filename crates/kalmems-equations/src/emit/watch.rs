@@ -8,17 +8,24 @@ use super::request::{EmitGain, EmitRequest};
 #[allow(clippy::all, clippy::pedantic, dead_code)] // written for any compiler
 mod rules {
     include!("rust/watch.rs");
+    include!("rust/loss.rs");
 }
 
-pub(super) use rules::{InnovationWatch, WatchRules};
+pub(super) use rules::{Beginning, InnovationWatch, KeptRecord, Recovery, WatchRules, is_alike};
 
 /// The text of it.
 pub(super) const IN_RUST: &str = include_str!("rust/watch.rs");
+/// The text of what a filter keeps through a loss of its signal.
+pub(super) const LOSS_IN_RUST: &str = include_str!("rust/loss.rs");
 
 /// Its types in C, with `@name@` and `@NAME@` where the filter's name stands.
 const TYPES: &str = include_str!("c/watch.h");
 /// Its functions in C.
 const FUNCTIONS: &str = include_str!("c/watch.c");
+/// What a filter keeps through a loss of its signal, in C.
+const KEPT: &str = include_str!("c/loss.h");
+/// What becomes of it.
+const LOSS: &str = include_str!("c/loss.c");
 
 /// The part of the memory for which a filter is lost before it begins again: about as long as a burst is that opens the gate.
 const LOST: u32 = 8;
@@ -45,6 +52,28 @@ impl EmitRequest {
     /// The types of the watch in C.
     pub(super) fn watch_types(&self) -> String {
         self.named(TYPES)
+    }
+
+    /// The type of what is kept through a loss, in C; none of a filter that does not begin again.
+    pub(super) fn kept_type(&self) -> String {
+        if self.begins_again() { self.named(KEPT) } else { String::new() }
+    }
+
+    /// What becomes of a filter that has lost its signal, in C.
+    pub(super) fn loss_functions(&self) -> String {
+        let rules = self.watch_rules();
+        let open = "filter->watch[k].open";
+        let of_settled = match rules.settling {
+            0 => open.to_owned(),
+            settling => format!("filter->watch[k].seen >= {settling}U ? {open} : 0U"),
+        };
+        self.named(LOSS)
+            .replace("@open_of_settled@", &of_settled)
+            .replace("@settling@", &rules.settling.to_string())
+            .replace("@longest@", &rules.longest().to_string())
+            .replace("@agrees@", &rules.agrees(self.measures.len()).to_string())
+            .replace("@unsuspected@", &rules::UNSUSPECTED.to_string())
+            .replace("@lost@", &rules.lost.to_string())
     }
 
     /// Its functions in C.

@@ -166,13 +166,14 @@ fn case(
         method: StepMethod::Euler,
         parameters: device.values(),
         adjustable: vec![],
+        experiment: 0x1234_abcd,
         states: states.iter().map(|s| StateStart { mean: s[1], origin: s[3], typical: Some(s[4]) }).collect(),
         start_covariance: vec![0.0; n * n],
         process_noise: vec![0.0; n * n],
         free: vec![],
         measures: measures
             .iter()
-            .map(|(measure, variance)| EmitMeasure { measure: *measure, variance: *variance })
+            .map(|(measure, variance)| EmitMeasure { measure: *measure, variance: *variance, range: None })
             .collect(),
         events: vec![],
         courses: vec![],

@@ -23,11 +23,11 @@ use crate::estimate::{
     SampleSelection, Sensor, StateSeries, Tracked, Trajectory, Transition, largest_nis, memory_samples,
 };
 use crate::export::{
-    ExportError, ExportRequest, Exported, SourceDigits, SourceLanguage, SourceTrial, c_name, heading,
-    place_of_filter,
+    ExportError, ExportRequest, Exported, SourceDigits, SourceLanguage, SourceTrial, c_name, checksum,
+    heading, place_of_filter,
 };
 use crate::recording::{SampledRecording, Segment};
-use crate::units::kind;
+use crate::units::{Value, kind};
 use kalmems_equations::{
     EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmitWatch, FreeParameter,
     InputCourse, SettledGain, StateStart, StepMethod, TestSample, TestVectors,
@@ -145,7 +145,10 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
     let square = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
         (0..states).flat_map(|i| (0..states).map(move |j| (i, j))).map(|(i, j)| of(i, j)).collect()
     };
-    let measures = measures(experiment, (own, filter), interval_s)?;
+    let mut measures = measures(experiment, (own, filter), interval_s)?;
+    if let Some((index, _)) = &recording {
+        ranges(experiment, *index, &mut measures)?;
+    }
     let events = events(&settings, filter)?;
     let gain = match (filter.basics.gain(), measures.as_slice()) {
         (None, _) => EmitGain::Covariance,
@@ -193,6 +196,7 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
         linear: if method == StepMethod::RungeKutta { model.linear_at_rest() } else { Vec::new() },
         parameters: own.values.clone(),
         adjustable: adjustable(experiment, request, own)?,
+        experiment: checksum(experiment),
         states: (0..states).map(start).collect(),
         start_covariance: square(&covariance),
         process_noise: square(&|i, j| model.covariance(&over, (i, j))),
@@ -311,7 +315,7 @@ fn measures(
         let noise = variances.get(measure).copied().flatten().filter(|variance| *variance > 0.0);
         // What the filter takes a sample for, where that is not the noise.
         let variance = noise.and(filter.signal_variance).or(noise);
-        variance.map(|variance| EmitMeasure { measure, variance }).ok_or_else(|| {
+        variance.map(|variance| EmitMeasure { measure, variance, range: None }).ok_or_else(|| {
             let name =
                 own.device.measures().get(measure).map(|named| named.name.to_string()).unwrap_or_default();
             let remedy = "write the variance of a sample of it; a filter weighs the samples by it".to_owned();
@@ -320,6 +324,20 @@ fn measures(
         })
     };
     all.into_iter().map(of).collect()
+}
+
+/// The ranges of the instruments whose columns are measured, where the recording states them.
+fn ranges(experiment: &Experiment, index: usize, measures: &mut [EmitMeasure]) -> Result<(), ExportError> {
+    let columns = EquationColumns::of(experiment, index)?;
+    let layout = super::EquationsRig.layout(experiment, index)?;
+    for measure in measures {
+        let column = columns.measured.iter().find(|(place, _)| *place == measure.measure);
+        let declared = column.and_then(|(_, name)| layout.declared.iter().find(|one| one.column == *name));
+        // The range is that of values before they are compensated.
+        let reading = declared.and_then(|one| one.reading.as_ref()).filter(|one| one.compensation.is_none());
+        measure.range = reading.and_then(|one| one.range.as_ref()).map(|ends| ends.each_ref().map(Value::si));
+    }
+    Ok(())
 }
 
 /// The events that correct the filter.
@@ -362,7 +380,7 @@ fn events(
 fn settled(
     (own, filter, model): (&OwnDevice, &EquationFilterSettings, &EquationModel),
     gain: GainOf,
-    EmitMeasure { measure, variance }: EmitMeasure,
+    EmitMeasure { measure, variance, .. }: EmitMeasure,
     interval_s: f64,
 ) -> Result<EmitGain, ExportError> {
     // A filter that starts from the signal was refused before.

@@ -35,7 +35,7 @@ pub fn constants(upper: &str, values: [f64; 4]) -> String {
 pub const PRELUDE: &str = r#"
 #include <stdint.h>
 
-#ifdef __FAST_MATH__
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0)
 #error "gaps and refusals are seen by what is not a number: compile without -ffast-math"
 #endif
 

@@ -1,7 +1,9 @@
 //! A filter in C99.
 
+mod accessors;
 mod functions;
 mod header;
+mod loss;
 mod steps;
 
 use super::error::EmitError;

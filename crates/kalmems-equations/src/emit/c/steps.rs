@@ -1,7 +1,9 @@
 //! What is around the routines in C99: start, parameters, and steps that are taken whole or not at all.
 
-use super::{C, float, kind, number};
+use super::{C, accessors, float, kind, loss, number};
 use crate::device::Device;
+use crate::emit::accessors::state_accesses;
+use crate::emit::crc;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
 use crate::emit::interface::{CallTargets, Interface, UpdateFunction, further};
@@ -28,16 +30,20 @@ pub(super) fn finish(
         .collect();
     let _ = write!(
         text,
-        "\n/* Takes over a state where all its numbers are finite. */\nWITHIN int take({name}_t *filter, const {name}_state_t *state)\n{{\n    \
-         const float sum = {};\n    if (!(sum - sum == 0.0F)) {{\n        return 0;\n    }}\n    filter->state = *state;\n    return 1;\n}}\n",
+        "\n/* Whether all numbers of a state are finite. */\nWITHIN int is_finite(const {name}_state_t *state)\n{{\n    const float sum = {};\n    \
+         return sum - sum == 0.0F;\n}}\n\n/* Takes over a state where all its numbers are finite. */\n\
+         WITHIN int take({name}_t *filter, const {name}_state_t *state)\n{{\n    if (!is_finite(state)) {{\n        return 0;\n    }}\n    \
+         filter->state = *state;\n    return 1;\n}}\n",
         arrays.join("\n                      + ")
     );
     if let Some(configure) = &program.configure {
         let written = configure.written(&C)?;
+        *text += &crc::IN_C.replace("@name@", name).replace("@NAME@", &name.to_uppercase());
         let _ = write!(text, "\nvoid {name}_default_parameters({name}_parameters_t *parameters)\n{{\n");
         for (field, _, value) in Interface::parameters(device, request, program) {
             let _ = writeln!(text, "    parameters->{field} = {value:?};");
         }
+        let _ = writeln!(text, "    {name}_seal_parameters(parameters);");
         let _ = write!(
             text,
             "}}\n\nint {name}_configure({name}_t *filter, const {name}_parameters_t *parameters)\n{{\n"
@@ -92,6 +98,17 @@ pub(super) fn finish(
         let _ = writeln!(text, "    {name}_parameters_t parameters;");
     }
     text.push_str("    first(filter);\n    filter->begun = 0U;\n");
+    if request.has_range() {
+        (0..request.measures.len()).for_each(|k| {
+            let _ = writeln!(text, "    filter->saturated[{k}] = 0U;");
+        });
+    }
+    if request.begins_again() {
+        text.push_str(
+            "    filter->kept.state = filter->state;\n    filter->kept.age = 0U;\n    filter->kept.agrees = 0U;\n    \
+             filter->kept.alike = 0U;\n    filter->kept.tries = 0U;\n",
+        );
+    }
     if !interface.step.is_empty() {
         let _ = write!(
             text,
@@ -108,7 +125,7 @@ pub(super) fn finish(
     text.push_str("}\n");
     steps(text, device, request, program, interface)?;
     answers(text, request, program);
-    Ok(())
+    accessors::functions(text, request, program, &state_accesses(device, request, program))
 }
 
 /// What a program asks of a filter.
@@ -123,7 +140,15 @@ fn answers(text: &mut String, request: &EmitRequest, program: &FilterProgram) {
     };
     let unsure = if request.mirrored {
         format!(
-            "    if (filter->begun > 0U && watch->since == 0U) {{\n        return {upper}_SIGN_UNSURE;\n    }}\n"
+            "    if ({} > 0U && watch->since == 0U) {{\n        return {upper}_SIGN_UNSURE;\n    }}\n",
+            if request.begins_again() { "(filter->kept.age | filter->begun)" } else { "filter->begun" }
+        )
+    } else {
+        String::new()
+    };
+    let saturated = if request.has_range() {
+        format!(
+            "    if (filter->saturated[measurement < {upper}_MEASUREMENTS ? measurement : 0U] > 0U) {{\n        return {upper}_SATURATED;\n    }}\n"
         )
     } else {
         String::new()
@@ -133,10 +158,16 @@ fn answers(text: &mut String, request: &EmitRequest, program: &FilterProgram) {
         "\n{name}_status_t {name}_status(const {name}_t *filter, unsigned measurement)\n{{\n    \
          const {name}_watch_t *const watch = &filter->watch[measurement < {upper}_MEASUREMENTS ? measurement : 0U];\n{starting}    \
          if (watch->open > 0U) {{\n        return {upper}_LOST;\n    }}\n    \
-         if (watch->median > 4.0F * MEDIAN) {{\n        return {upper}_OVERCONFIDENT;\n    }}\n{unsure}    \
+         if (watch->median > 4.0F * MEDIAN) {{\n        return {upper}_OVERCONFIDENT;\n    }}\n{saturated}{unsure}    \
          return watch->since > 0U ? {upper}_LEFT_OUT : {upper}_FOLLOWING;\n}}\n\n\
          float {name}_innovation(const {name}_t *filter, unsigned measurement)\n{{\n    \
-         return measurement < {upper}_MEASUREMENTS ? DEVIATION[measurement] * filter->watch[measurement].residual : nothing();\n}}\n"
+         return measurement < {upper}_MEASUREMENTS ? DEVIATION[measurement] * filter->watch[measurement].residual : nothing();\n}}\n\n\
+         float {name}_innovation_variance(const {name}_t *filter, unsigned measurement)\n{{\n    return measurement < {upper}_MEASUREMENTS\n               \
+         ? DEVIATION[measurement] * DEVIATION[measurement] * filter->watch[measurement].variance\n               : nothing();\n}}\n\n\
+         float {name}_nis(const {name}_t *filter, unsigned measurement)\n{{\n    \
+         return measurement < {upper}_MEASUREMENTS ? filter->watch[measurement].nis : nothing();\n}}\n\n\
+         unsigned {name}_since(const {name}_t *filter, unsigned measurement)\n{{\n    \
+         return measurement < {upper}_MEASUREMENTS ? filter->watch[measurement].since : 0U;\n}}\n"
     );
     let value = if widths.mean {
         "(float)((double)ORIGIN[state] + (double)UNIT[state] * filter->state.mean[state])"
@@ -162,7 +193,7 @@ fn answers(text: &mut String, request: &EmitRequest, program: &FilterProgram) {
     }
 }
 
-/// What goes over the interval between samples in several steps, and what begins again.
+/// What goes over the interval between samples in several steps.
 fn within(
     text: &mut String,
     device: &Device,
@@ -170,7 +201,7 @@ fn within(
     program: &FilterProgram,
     interface: &Interface,
 ) -> Result<(), EmitError> {
-    let (name, upper) = (&request.name, request.name.to_uppercase());
+    let name = &request.name;
     if request.parts > 1 {
         let length = (request.parts as f64).recip();
         let arguments = interface.part_arguments(device, program, length, float)?;
@@ -197,16 +228,6 @@ fn within(
             program.predict.call("predict", &targets, &arguments)
         );
     }
-    if request.begins_again() {
-        let _ = write!(
-            text,
-            "\n/* A filter that has lost its signal for so many samples begins again as at the start. */\n\
-             WITHIN void begin_again({name}_t *filter)\n{{\n    unsigned k;\n    for (k = 0U; k < {upper}_MEASUREMENTS; k++) {{\n        \
-             if (filter->watch[k].open >= {}U) {{\n            restart(filter);\n            return;\n        \
-             }}\n    }}\n}}\n",
-            request.watch_rules().lost
-        );
-    }
     Ok(())
 }
 
@@ -219,10 +240,7 @@ fn steps(
     interface: &Interface,
 ) -> Result<(), EmitError> {
     let name = &request.name;
-    let _ = write!(
-        text,
-        "\n/* Begins again as at the start, and counts it. */\nWITHIN void restart({name}_t *filter)\n{{\n    first(filter);\n    filter->begun++;\n}}\n"
-    );
+    *text += &loss::restart(request);
     if !interface.step.is_empty() {
         let _ = write!(
             text,
@@ -232,40 +250,80 @@ fn steps(
              return filter->inputs[place];\n}}\n"
         );
     }
+    if request.has_range() {
+        let _ = write!(
+            text,
+            "\n/* A sample; at an end of its range or beyond, it is a gap. */\n\
+             WITHIN float in_range({name}_t *filter, unsigned measurement, float value, float low, float high)\n{{\n    \
+             if (!(value <= low || value >= high)) {{\n        filter->saturated[measurement] = 0U;\n        return value;\n    }}\n    \
+             if (filter->saturated[measurement] + 1U != 0U) {{\n        filter->saturated[measurement]++;\n    }}\n    return nothing();\n}}\n"
+        );
+    }
+    let ranged = |measured: &[String]| {
+        interface.ranged(request, measured, |name, place, [low, high]| {
+            let (low, high) = (float(low)?, float(high)?);
+            Ok(format!("    {name} = in_range(filter, {place}U, {name}, {low}, {high});\n"))
+        })
+    };
     within(text, device, request, program, interface)?;
     let held = |inputs: &[String]| {
         interface.held(inputs, |name, place| format!("    {name} = held(filter, {place}U, {name});\n"))
     };
-    let again = if request.begins_again() { "    begin_again(filter);\n" } else { "" };
+    let begins_again = request.begins_again();
+    if begins_again {
+        let updates = UpdateFunction::all(interface, (device, request), program);
+        *text += &loss::functions(request, program, interface, updates);
+    }
+    let again =
+        if begins_again { "    if (is_open(filter)) {\n        recover(filter);\n    }\n" } else { "" };
     let targets = CallTargets { state: "&next", watch: "", constants: "filter->constants" };
     let way = if request.parts > 1 { "advance" } else { "predict" };
     let predict = program.predict.call(way, &targets, &interface.predict);
-    let _ = write!(
-        text,
-        "\nint {name}_predict({})\n{{\n    {name}_state_t next = filter->state;\n{}    {predict};\n    if (take(filter, &next)) {{\n        return 1;\n    }}\n    \
-         restart(filter);\n    return 0;\n}}\n",
-        Interface::arguments(name, &interface.predict, &[]),
-        held(&interface.predict)
-    );
+    let handed = further(&interface.predict, "", "");
+    let declared = Interface::arguments(name, &interface.predict, &[]);
+    let held_first = held(&interface.predict);
+    let _ = if begins_again {
+        let kept = CallTargets { state: "&filter->kept.state", ..targets };
+        let kept = program.predict.call("predict_alone", &kept, &interface.predict);
+        write!(
+            text,
+            "\nint {name}_predict({declared})\n{{\n{held_first}    if (is_kept(filter)) {{\n        {kept};\n    }}\n    \
+             return predicted(filter{handed});\n}}\n"
+        )
+    } else {
+        write!(
+            text,
+            "\nint {name}_predict({declared})\n{{\n    {name}_state_t next = filter->state;\n{held_first}    {predict};\n    \
+             if (take(filter, &next)) {{\n        return 1;\n    }}\n    restart(filter);\n    return 0;\n}}\n"
+        )
+    };
     let mut calls = Vec::new();
     for update in UpdateFunction::all(interface, (device, request), program) {
         let of = &update.name;
         let watch = format!("&filter->watch[{}]", update.place);
         let over = CallTargets { state: "&next", watch: &watch, constants: "filter->constants" };
-        let one = update.routine.call(of, &over, &update.arguments());
+        let arguments = update.arguments();
+        let one = update.routine.call(of, &over, &arguments);
+        let corrects = if begins_again && !update.is_event {
+            let alone = update.routine.call(&format!("{of}_alone"), &over, &arguments);
+            format!(
+                "    taken = {alone};\n    if (is_open(filter)) {{\n        keep(filter);\n        look_by_{of}(filter{});\n    }}\n    \
+                 taken = taken && take(filter, &next);\n{again}",
+                further(&arguments, "", "")
+            )
+        } else {
+            format!("    taken = {one} && take(filter, &next);\n")
+        };
         let _ = write!(
             text,
-            "\nint {name}_{of}({})\n{{\n    {name}_state_t next = filter->state;\n    int taken;\n{}    taken = {one} && take(filter, &next);\n{}    \
-             return taken;\n}}\n",
+            "\nint {name}_{of}({})\n{{\n    {name}_state_t next = filter->state;\n    int taken;\n{}{corrects}    return taken;\n}}\n",
             Interface::arguments(name, &update.inputs, &update.measured),
-            held(&update.inputs),
-            if update.is_event { "" } else { again }
+            held(&update.inputs) + &ranged(&update.measured)?,
         );
         if !update.is_event {
             calls.push(one);
         }
     }
-    let handed = further(&interface.predict, "", "");
     let between = if request.update_every > 1 {
         let every = format!("{}_UPDATE_EVERY", name.to_uppercase());
         format!(
@@ -278,15 +336,24 @@ fn steps(
         text,
         "\nint {name}_step({})\n{{\n    {name}_state_t next = filter->state;\n    int taken = 1;\n{between}{}    {predict};\n",
         Interface::arguments(name, &interface.step, &interface.measured),
-        held(&interface.step)
+        held(&interface.step) + &ranged(&interface.measured)?
     );
     for one in calls {
         let _ = writeln!(text, "    taken &= {one};");
     }
+    let (goes_on, alone) = if begins_again {
+        let all = further(interface.step.iter().chain(&interface.measured), "", "");
+        let goes_on = format!(
+            "    if (is_open(filter)) {{\n        keep(filter);\n        go_on(filter{all});\n    }}\n"
+        );
+        (goes_on, "predicted".to_owned())
+    } else {
+        (String::new(), format!("{name}_predict"))
+    };
     let _ = write!(
         text,
-        "    if (!take(filter, &next)) {{\n        /* What follows from the measurements is not finite: the prediction alone. */\n        \
-         (void){name}_predict(filter{handed});\n        taken = 0;\n    }}\n{again}    return taken;\n}}\n"
+        "{goes_on}    if (!take(filter, &next)) {{\n        /* What follows from the measurements is not finite: the prediction alone. */\n        \
+         (void){alone}(filter{handed});\n        taken = 0;\n    }}\n{again}    return taken;\n}}\n"
     );
     Ok(())
 }

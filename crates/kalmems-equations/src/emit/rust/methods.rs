@@ -1,7 +1,8 @@
 //! What is around the routines in Rust: start, parameters, and steps that are taken whole or not at all.
 
-use super::{Rust, float, kind, number, typed};
+use super::{Rust, accessors, float, kept, kind, number, typed};
 use crate::device::Device;
+use crate::emit::accessors::state_accesses;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
 use crate::emit::interface::{CallTargets, Interface, UpdateFunction};
@@ -32,8 +33,27 @@ pub(super) fn methods(
         "\n/// What is known before the first sample.\nconst START: State = State {{ mean: [{}]{triangle} }};\n",
         list(mean, widths.mean)?
     );
+    // The sum is looked at for what is not a number, to which 32 bits are enough.
+    let entry = |of: String, wide: bool| if wide { format!("narrow({of})") } else { of };
+    let mut sum: Vec<String> = (0..size).map(|k| entry(format!("state.mean[{k}]"), widths.mean)).collect();
+    let entries = 0..covariance.len();
+    sum.extend(entries.map(|k| entry(format!("state.covariance[{k}]"), widths.covariance)));
+    let _ = write!(
+        text,
+        "\n/// Whether all numbers of a state are finite.\n#[inline(always)]\nfn is_finite(state: &State) -> bool {{\n    \
+         let sum = {};\n    sum - sum == 0.0\n}}\n",
+        sum.join("\n        + ")
+    );
     within(text, device, request, program, interface)?;
-    let state = "state: START, watch: [InnovationWatch::NEW; MEASUREMENTS], begun: 0, missing: 0, inputs: [0.0; INPUTS], left: 0";
+    if request.begins_again() {
+        let updates = UpdateFunction::all(interface, (device, request), program);
+        *text += &kept::functions(request, program, interface, updates);
+    }
+    let state = format!(
+        "state: START, watch: [InnovationWatch::NEW; MEASUREMENTS], begun: 0, missing: 0, inputs: [0.0; INPUTS], left: 0{}",
+        (if request.has_range() { ", saturated: [0; MEASUREMENTS]" } else { "" }).to_owned()
+            + if request.begins_again() { ", kept: START, loss: KeptRecord::NONE" } else { "" }
+    );
     text.push_str("\nimpl Filter {\n    /// Before the first sample.\n    pub fn new() -> Self {\n");
     match &program.configure {
         None => {
@@ -49,18 +69,11 @@ pub(super) fn methods(
             configured(text, device, request, program, configure)?;
         }
     }
-    // The sum is looked at for what is not a number, to which 32 bits are enough.
-    let entry = |of: String, wide: bool| if wide { format!("narrow({of})") } else { of };
-    let mut sum: Vec<String> = (0..size).map(|k| entry(format!("state.mean[{k}]"), widths.mean)).collect();
-    let entries = 0..covariance.len();
-    sum.extend(entries.map(|k| entry(format!("state.covariance[{k}]"), widths.covariance)));
-    let _ = write!(
-        text,
-        "\n    /// Takes over a state where all its numbers are finite.\n    fn take(&mut self, state: &State) -> bool {{\n        \
-         let sum = {};\n        if sum - sum == 0.0 {{\n            self.state = *state;\n            return true;\n        }}\n        false\n    }}\n",
-        sum.join("\n            + ")
+    text.push_str(
+        "\n    /// Takes over a state where all its numbers are finite.\n    fn take(&mut self, state: &State) -> bool {\n        \
+         if is_finite(state) {\n            self.state = *state;\n            return true;\n        }\n        false\n    }\n",
     );
-    steps(text, device, request, program, interface);
+    steps(text, device, request, program, interface)?;
     let value = if widths.mean {
         "(f64::from(ORIGIN[k]) + f64::from(UNIT[k]) * self.state.mean[k]) as f32"
     } else {
@@ -75,6 +88,7 @@ pub(super) fn methods(
         };
         in_si(text, ("variances", "variances"), size, variance);
     }
+    accessors::methods(text, program, &state_accesses(device, request, program))?;
     text.push_str(
         "}\n\nimpl Default for Filter {\n    fn default() -> Self {\n        Self::new()\n    }\n}\n",
     );
@@ -173,11 +187,8 @@ fn steps(
     request: &EmitRequest,
     program: &FilterProgram,
     interface: &Interface,
-) {
-    text.push_str(
-        "\n    /// Begins again as at the start, and counts it.\n    fn restart(&mut self) {\n        self.state = START;\n        \
-         self.watch = [InnovationWatch::NEW; MEASUREMENTS];\n        self.left = 0;\n        self.begun = self.begun.wrapping_add(1);\n    }\n",
-    );
+) -> Result<(), EmitError> {
+    text.push_str(kept::restart(request));
     if !interface.step.is_empty() {
         text.push_str(
             "\n    /// An input; where it is not a number, the last one that was: time goes on.\n    #[inline(always)]\n    \
@@ -188,16 +199,52 @@ fn steps(
     let held = |inputs: &[String]| {
         interface.held(inputs, |name, place| format!("        let {name} = self.held({place}, {name});\n"))
     };
-    let again = if request.begins_again() { "        self.begin_again();\n" } else { "" };
+    if request.has_range() {
+        text.push_str(
+            "\n    /// A sample; at an end of its range or beyond, it is a gap.\n    #[inline(always)]\n    \
+             fn in_range(&mut self, measurement: usize, value: f32, [low, high]: [f32; 2]) -> f32 {\n        \
+             let is_at_end = value <= low || value >= high;\n        \
+             self.saturated[measurement] = if is_at_end { self.saturated[measurement].saturating_add(1) } else { 0 };\n        \
+             if is_at_end { f32::NAN } else { value }\n    }\n",
+        );
+    }
+    let ranged = |measured: &[String]| {
+        interface.ranged(request, measured, |name, place, [low, high]| {
+            let (low, high) = (float(low)?, float(high)?);
+            Ok(format!("        let {name} = self.in_range({place}, {name}, [{low}, {high}]);\n"))
+        })
+    };
+    let begins_again = request.begins_again();
+    if begins_again {
+        let updates = UpdateFunction::all(interface, (device, request), program);
+        *text += &kept::methods(program, interface, updates);
+    }
+    let again = if begins_again {
+        "        if self.is_open() {\n            self.recover();\n        }\n"
+    } else {
+        ""
+    };
     let targets = CallTargets { state: "&mut next", watch: "", constants: "&self.constants" };
     let way = if request.parts > 1 { "advance" } else { "predict" };
     let predict = program.predict.call(way, &targets, &interface.predict);
+    let handed = interface.predict.join(", ");
+    let predicts = if begins_again {
+        let kept = CallTargets { state: "&mut self.kept", ..targets };
+        format!(
+            "        if self.loss.is_kept(&RULES) {{\n            {};\n        }}\n        self.predicted({handed})\n",
+            program.predict.call("predict_alone", &kept, &interface.predict)
+        )
+    } else {
+        format!(
+            "        let mut next = self.state;\n        {predict};\n        \
+             if self.take(&next) {{\n            return true;\n        }}\n        self.restart();\n        false\n"
+        )
+    };
     let _ = write!(
         text,
         "\n    /// One interval on. An input that is not a number is taken for the last one that was. True where it was taken; false where the\n    \
-         /// result would not be finite, and the filter has begun again as at the start.\n    \
-         ///\n{}    pub fn predict(&mut self{}) -> bool {{\n{}        let mut next = self.state;\n        {predict};\n        \
-         if self.take(&next) {{\n            return true;\n        }}\n        self.restart();\n        false\n    }}\n",
+         /// result would not be finite, and the filter has begun again.\n    \
+         ///\n{}    pub fn predict(&mut self{}) -> bool {{\n{}{predicts}    }}\n",
         interface.inputs("    /// "),
         typed(&interface.predict),
         held(&interface.predict)
@@ -209,14 +256,22 @@ fn steps(
         let watch = format!("&mut self.watch[{}]", update.place);
         let over = CallTargets { state: "&mut next", watch: &watch, constants: "&self.constants" };
         let one = update.routine.call(of, &over, &arguments);
+        let corrects = if begins_again && !update.is_event {
+            format!(
+                "        let mut taken = {};\n        if self.is_open() {{\n            self.keep();\n            self.look_by_{of}({});\n        }}\n        \
+                 taken = taken && self.take(&next);\n{again}",
+                update.routine.call(&format!("{of}_alone"), &over, &arguments),
+                arguments.join(", ")
+            )
+        } else {
+            format!("        let taken = {one} && self.take(&next);\n")
+        };
         let _ = write!(
             text,
             "\n    /// {what} True where it was taken; false where it is left out, and nothing has changed.\n    \
-             pub fn {of}(&mut self{}) -> bool {{\n{}        let mut next = self.state;\n        let taken = {one} && self.take(&next);\n{}        \
-             taken\n    }}\n",
+             pub fn {of}(&mut self{}) -> bool {{\n{}        let mut next = self.state;\n{corrects}        taken\n    }}\n",
             typed(&arguments),
-            held(&update.inputs),
-            if update.is_event { "" } else { again }
+            held(&update.inputs) + &ranged(&update.measured)?,
         );
         if !update.is_event {
             let _ = writeln!(calls, "        taken &= {one};");
@@ -232,28 +287,37 @@ fn steps(
     } else {
         String::new()
     };
+    let (goes_on, alone) = if begins_again {
+        let goes_on = format!(
+            "        if self.is_open() {{\n            self.keep();\n            self.go_on({});\n        }}\n",
+            all.join(", ")
+        );
+        (goes_on, "predicted")
+    } else {
+        (String::new(), "predict")
+    };
     let _ = write!(
         text,
         "\n    /// The prediction and all corrections of one sample. True where all were taken; false where one is left out: a sample that is not a\n    \
          /// number is a gap, and one that is too far from what is expected is none of the signal.\n    \
-         pub fn step(&mut self{}) -> bool {{\n{between}{}        let mut next = self.state;\n        let mut taken = true;\n        {predict};\n{calls}        \
+         pub fn step(&mut self{}) -> bool {{\n{between}{}        let mut next = self.state;\n        let mut taken = true;\n        {predict};\n{calls}{goes_on}        \
          if !self.take(&next) {{\n            // What follows from the measurements is not finite: the prediction alone.\n            \
-         let _ = self.predict({});\n            taken = false;\n        }}\n{again}        taken\n    }}\n",
+         let _ = self.{alone}({handed});\n            taken = false;\n        }}\n{again}        taken\n    }}\n",
         typed(&all),
-        held(&interface.step),
-        interface.predict.join(", ")
+        held(&interface.step) + &ranged(&interface.measured)?
     );
-    if request.begins_again() {
-        text.push_str(
-            "\n    /// A filter that has lost its signal for so many samples begins again as at the start.\n    fn begin_again(&mut self) {\n        \
-             if self.watch.iter().any(|watch| watch.open >= RULES.lost) {\n            self.restart();\n        }\n    }\n",
-        );
+    let lost = if begins_again { "self.begun > 0 || self.loss.age > 0" } else { "self.begun > 0" };
+    let mut arms = String::new();
+    if request.has_range() {
+        arms += "            SignalStatus::Following | SignalStatus::LeftOut if self.saturated[measurement] > 0 => SignalStatus::Saturated,\n";
     }
-    let status = if request.mirrored {
-        "match watch.status(&RULES) {\n            SignalStatus::Following if self.begun > 0 => SignalStatus::SignUnsure,\n            \
-         other => other,\n        }"
+    if request.mirrored {
+        let _ = writeln!(arms, "            SignalStatus::Following if {lost} => SignalStatus::SignUnsure,");
+    }
+    let status = if arms.is_empty() {
+        "watch.status(&RULES)".to_owned()
     } else {
-        "watch.status(&RULES)"
+        format!("match watch.status(&RULES) {{\n{arms}            other => other,\n        }}")
     };
     let _ = write!(
         text,
@@ -262,6 +326,9 @@ fn steps(
          self.watch.get(measurement).map(|watch| {status})\n    }}\n\n    \
          /// What was last measured of each measurement, minus what was predicted, in SI.\n    \
          pub fn innovations(&self) -> [f32; MEASUREMENTS] {{\n        \
-         core::array::from_fn(|k| DEVIATION[k] * self.watch[k].residual)\n    }}\n"
+         core::array::from_fn(|k| DEVIATION[k] * self.watch[k].residual)\n    }}\n\n    \
+         /// The variances of these by the filter, in SI.\n    pub fn innovation_variances(&self) -> [f32; MEASUREMENTS] {{\n        \
+         core::array::from_fn(|k| DEVIATION[k] * DEVIATION[k] * self.watch[k].variance)\n    }}\n"
     );
+    Ok(())
 }

@@ -27,10 +27,10 @@ pub struct WatchRules {
     pub lost: u32,
 }
 
-/// How a filter stands to a measurement.
+/// How a filter stands to a measurement. Where several hold, the first one of starting, lost, overconfident, saturated, left out and sign unsure is said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SignalStatus {
-    /// It settles: every sample is taken.
+    /// It settles, up to the end of the settling time: every sample is taken.
     Starting,
     /// The last sample was taken, and samples are as near as the filter says.
     Following,
@@ -38,10 +38,13 @@ pub enum SignalStatus {
     LeftOut,
     /// Samples are more than twice as far from their predictions as the filter says: its variances are not to be trusted.
     Overconfident,
-    /// As following, but the filter has begun again, and the signal is the same for another motion, such as the mirrored one.
+    /// As following, but the filter has lost what it knew of the motion, and the signal is the same for another one, such as the mirrored.
     SignUnsure,
-    /// Too many samples are none of the signal that the filter follows: its means are not to be trusted.
+    /// An eighth of the last samples and more were none of the signal, and all are taken until less than a sixteenth are, or the state that was kept from
+    /// before predicts the signal again: the means are not to be trusted.
     Lost,
+    /// The last sample was at an end of the range of its instrument: a gap.
+    Saturated,
 }
 
 /// What the corrections by a measurement saw.

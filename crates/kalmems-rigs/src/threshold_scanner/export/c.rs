@@ -41,6 +41,7 @@ pub fn files(
     let body = [PRELUDE, FINDER, curve, FILTER].concat();
     let body = [
         ("half", half.to_string()),
+        ("rest_of_slope", if half % SUMS == 0 { String::new() } else { REST_OF_SLOPE.to_owned() }),
         ("fit", fit.to_string()),
         ("slope_weights", slope_weights),
         ("fit_weights", fit_weights),
@@ -91,6 +92,9 @@ fn table(values: impl Iterator<Item = f64>) -> String {
     let rows: Vec<String> = values.chunks(8).map(|row| format!("    {}", row.join(", "))).collect();
     rows.join(",\n")
 }
+
+/// The sums of the smoothed slope, each of which takes one sample of a group.
+const SUMS: usize = 4;
 
 const HEADER: &str = r#"/*
 @comment@ */
@@ -187,10 +191,7 @@ static float smoothed_slope(const float *newest)
             sums[i] = sums[i] + SLOPE_WEIGHTS[n + i] * (newest[HALF + 1U + n + i] - newest[HALF - 1U - n - i]);
         }
     }
-    for (; n < HALF; n++) {
-        sums[0] = sums[0] + SLOPE_WEIGHTS[n] * (newest[HALF + 1U + n] - newest[HALF - 1U - n]);
-    }
-    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+@rest_of_slope@    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
 }
 
 static @name@_peak_t *peak(@name@_t *filter, unsigned after_the_oldest)
@@ -335,6 +336,12 @@ static int zero_crossing(const @name@_t *filter, float *displacement, float *slo
     }
     return 0;
 }
+";
+
+/// The samples of the smoothed slope that no whole group of four has.
+const REST_OF_SLOPE: &str = r"    for (; n < HALF; n++) {
+        sums[0] = sums[0] + SLOPE_WEIGHTS[n] * (newest[HALF + 1U + n] - newest[HALF - 1U - n]);
+    }
 ";
 
 const LOGISTIC: &str = r"

@@ -182,3 +182,43 @@ start_sd = {{ angle = "5 mrad", rate = "20 rad/s" }}
         );
     }
 }
+
+/// For a Cortex-M as well, without a loop that never runs, and not where a compiler may take it that each number is finite or may group sums anew.
+#[test]
+fn the_c_sources_compile_for_a_microcontroller_and_refuse_arithmetic_that_knows_no_gap() {
+    let Some(folder) = compiler_and_folder() else { return };
+    let compiler = |program: &str, name: &str, flags: &[&str]| {
+        let warnings = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wdouble-promotion", "-Werror"];
+        Command::new(program)
+            .current_dir(folder.path())
+            .args(warnings)
+            .args(flags)
+            .args(["-c", "-o", "object.o", &format!("{name}.c")])
+            .output()
+    };
+    for (example_of, filter) in [(THRESHOLD, "Hybrid"), (SCANNER, "EKF")] {
+        let exported = export(&example(example_of), &request(SourceLanguage::C, filter)).unwrap();
+        let name = name_of(&exported);
+        for (file, content) in &exported.files {
+            fs::write(folder.path().join(file), content).unwrap();
+        }
+        for flags in [
+            &["-ffast-math"][..],
+            &["-ffinite-math-only"],
+            &["-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"],
+        ] {
+            let refused = compiler("gcc", name, flags);
+            let Ok(refused) = refused else { continue };
+            let said = String::from_utf8_lossy(&refused.stderr);
+            assert!(!refused.status.success() && said.contains("without -ffast-math"), "{flags:?}: {said}");
+        }
+        for processor in ["cortex-m0plus", "cortex-m4", "cortex-m7"] {
+            let flags = [format!("-mcpu={processor}"), "-mthumb".to_owned()];
+            let Ok(made) = compiler("arm-none-eabi-gcc", name, &flags.each_ref().map(String::as_str)) else {
+                println!("SKIPPED: there is no arm-none-eabi-gcc");
+                break;
+            };
+            assert!(made.status.success(), "{processor}: {}", String::from_utf8_lossy(&made.stderr));
+        }
+    }
+}
