@@ -39,7 +39,8 @@ def test_a_result_names_filters_states_and_figures(result: kalmems.Result) -> No
         assert "EKF" in holder and "ekf" in holder and ekf in holder and "LKF" not in holder
     assert result["Model alone"].states["angle"].sd is None
     assert "EKF" in result.summary() and "<table>" in result._repr_html_()
-    assert len(result.answers) == 1 and result.answers[0].startswith("angle: amplitude 8.")
+    assert len(result.answers) == 1 and result.answer.startswith("angle: amplitude 8.")
+    assert result.metrics["answer"] == result.answers == [result.answer]
     assert result.summary().startswith(result.answers[0]) and "claimed by EKF" in result.answers[0]
     assert kalmems.Experiment(result.experiment_toml()).name == "shared_scanner"
 

@@ -324,6 +324,11 @@ class Result:
         return result
 
     @property
+    def answer(self) -> str:
+        """The sentence that `kalmems estimate` prints first: the motion, its claimed standard deviation, the filter and its grade; empty without one."""
+        return self.answers[0] if self.answers else ""
+
+    @property
     def trajectories(self) -> list[Trajectory]:
         """All answers, segment by segment."""
         return [trajectory for segment in self.segments for trajectory in segment.trajectories]
@@ -483,6 +488,8 @@ class Parameter:
     recording: str
     key: str
     """Its name as `kalmems identify` prints it, such as `parameters.k`."""
+    stated: float | None = None
+    """What the experiment states; `None` of what it has no key for."""
 
 
 def _parameter(name: str, interval: Iterable[float | None], **found: Any) -> Parameter:
@@ -495,6 +502,8 @@ class Identification:
 
     def __init__(self, told: dict[str, Any], text: str, experiment: Experiment) -> None:
         self.parameters = [_parameter(**parameter) for parameter in told["parameters"]]
+        self.answer: list[str] = told["answer"]
+        """What was found, a sentence for each of the first numbers."""
         self.undetermined: list[dict[str, str]] = told["undetermined"]
         """What they do not tell, and why."""
         self.warnings: list[str] = told["warnings"]

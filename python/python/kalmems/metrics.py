@@ -498,6 +498,7 @@ class Metrics(TypedDict):
     schema_version: int
     experiment: str
     rig: str
+    answer: list[str]
     held_as_exact: list[str]
     scale_notes: NotRequired[list[ScaleNote]]
     unseen: NotRequired[list[str]]
