@@ -107,7 +107,7 @@ fn a_curve_of_too_many_points_is_refused_before_it_is_read_to_its_end() {
 fn a_limit_of_memory_is_an_error_with_its_size() {
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/shared_scanner/experiment.toml");
     let mut refused = 0;
-    for limit_kb in [120_000, 160_000, 200_000, 240_000, 280_000, 320_000, 400_000] {
+    for limit_kb in [90_000, 120_000, 160_000, 200_000, 240_000, 280_000, 320_000, 400_000] {
         let folder = tempfile::tempdir().unwrap();
         let script = format!("ulimit -v {limit_kb}; exec \"$0\" estimate \"$1\" --quiet --out out");
         let output = Command::new("sh")
