@@ -417,11 +417,11 @@ pub fn is_unexplained(metrics: &Metrics) -> bool {
     metrics.estimators().any(|estimator| !estimator.passes() && estimator.failing().next().is_some())
 }
 
-/// The same for a terminal: of each filter the worst sentence about its verdict, with the number of those that the report has beside it;
-/// what is the same of several filters once; each explanation named once.
-pub fn notices_in_short(metrics: &Metrics) -> Vec<Notice> {
+/// The same for a terminal: of each filter the worst sentence about its verdict, with the number of further ones and where they stand, such as
+/// `the report has`; what is the same of several filters once; each explanation named once.
+pub fn notices_in_short(metrics: &Metrics, elsewhere: &str) -> Vec<Notice> {
     let is_alone = metrics.recordings.iter().map(|recording| recording.segments.len()).sum::<usize>() == 1;
-    let mut short = worst_of_each_filter(without_repeats(notices(metrics)));
+    let mut short = worst_of_each_filter(without_repeats(notices(metrics)), elsewhere);
     let mut explained = Vec::new();
     for notice in &mut short {
         if is_alone && !notice.filter.is_empty() {
@@ -454,7 +454,7 @@ pub fn without_repeats(notices: Vec<Notice>) -> Vec<Notice> {
 }
 
 /// Of what speaks against a filter the worst, with a word on the rest.
-fn worst_of_each_filter(notices: Vec<Notice>) -> Vec<Notice> {
+fn worst_of_each_filter(notices: Vec<Notice>, elsewhere: &str) -> Vec<Notice> {
     let mut short: Vec<(Notice, Vec<Notice>)> = Vec::new();
     for notice in notices {
         let is_against =
@@ -476,8 +476,8 @@ fn worst_of_each_filter(notices: Vec<Notice>) -> Vec<Notice> {
             beside.map_or_else(String::new, |other| format!("; its innovations show {}", other.brief));
         let more = match others.len() {
             0 => String::new(),
-            1 => "; the report has one more sentence on this filter".to_owned(),
-            more => format!("; the report has {more} more sentences on this filter"),
+            1 => format!("; {elsewhere} one more sentence on this filter"),
+            more => format!("; {elsewhere} {more} more sentences on this filter"),
         };
         Notice { text: format!("{}{beside}{more}", worst.text), ..worst }
     };
@@ -685,8 +685,9 @@ pub fn budget_table(metrics: &Metrics) -> Option<TextTable> {
             number.told.map_or_else(|| "–".to_owned(), |[mean, sd]| format!("{mean:+.2} ± {sd:.2} stated sd"))
         };
         let own = ("noise and start".to_owned(), budget.noise, "–".to_owned());
-        let device =
-            budget.device.iter().map(|number| (format!("`{}`", number.name), number.sd, told(number)));
+        // What this filter does not use has no part of it.
+        let used = budget.device.iter().filter(|number| number.sd > 0.0);
+        let device = used.map(|number| (format!("`{}`", number.name), number.sd, told(number)));
         for (place, (due, sd, told)) in std::iter::once(own).chain(device).enumerate() {
             let first = |text: &str| if place == 0 { text.to_owned() } else { String::new() };
             let own = [

@@ -112,13 +112,13 @@ fn verdict(metrics: &Metrics) -> PageSection {
     for answer in &metrics.answer {
         section = section.paragraph(answer);
     }
-    let short = notices_in_short(metrics);
+    let short = notices_in_short(metrics, "below are");
     for severity in [NoticeSeverity::Failure, NoticeSeverity::Warning, NoticeSeverity::Ok] {
         let own = short.iter().filter(|notice| notice.severity == severity);
         section = section.findings(severity, own.map(Notice::sentence).collect());
     }
     let boxed = short.iter().filter(|notice| notice.severity != NoticeSeverity::Note).count();
-    let all = format!("All {} findings, segment by segment", reasons.len());
+    let all = format!("All {} findings", reasons.len());
     let all = (boxed < reasons.len()).then_some((all, reasons));
     let table = summary_table(metrics, false).with_verdicts("verdict", summary_grades(metrics));
     let section = all.into_iter().fold(section.table(table), |section, (all, reasons)| {
@@ -148,7 +148,9 @@ fn undetermined(metrics: &Metrics) -> Option<PageSection> {
 
 /// What the claimed uncertainty is due to; `None` if there is no budget.
 fn budget(metrics: &Metrics) -> Option<PageSection> {
-    let mut section = PageSection::new("Uncertainty").part(PagePart::Budget);
+    // Of many segments it is long.
+    let is_folded = metrics.recordings.iter().map(|recording| recording.segments.len()).sum::<usize>() > 1;
+    let mut section = PageSection::new("Uncertainty").part(PagePart::Budget).folded(is_folded);
     if let Some(table) = budget_table(metrics) {
         section = section.table(table);
     }
