@@ -143,7 +143,7 @@ def test_an_error_of_an_array_of_another_library_is_the_reason() -> None:
     ("given", "mend"),
     [
         (5, "expected a mapping of names to arrays"),
-        ([{"time_s": 0.0}], "columns of the type list; expected a mapping"),
+        ([{"time_s": 0.0}], "columns of the type list have no names; expected a mapping"),
         (np.zeros((3, 2)), r'an array of 2 axes has no names of columns; name its columns, such as \{"time_s"'),
         ({}, "there is no column that can be read$"),
         ({"a": [None, {}]}, "there is no column that can be read. `a`: it holds Python objects"),

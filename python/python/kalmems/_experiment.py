@@ -31,7 +31,9 @@ class Experiment:
     """
 
     def __init__(self, text: str, path: str | os.PathLike[str] | None = None) -> None:
-        """Of the text of an experiment file; the files that it names are sought beside `path`."""
+        """Of the text of an experiment file; the files that it names are sought in the folder of `path`."""
+        if isinstance(text, os.PathLike) or (isinstance(text, str) and "\n" not in text and text.endswith(".toml")):
+            raise ExperimentError(f"the text of an experiment is expected and a path was given; read it: `Experiment.load({str(text)!r})`")
         self._take(text, Path(path) if path is not None else Path("experiment.toml"), True)
 
     def _take(self, text: str, path: Path, has_lines: bool) -> None:
@@ -57,11 +59,11 @@ class Experiment:
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any], path: str | os.PathLike[str] | None = None) -> Experiment:
-        """Of a dictionary with the keys of an experiment file. What is `None` is left out, and what is wrong is told by its key.
+        """Of a dictionary with the keys of an experiment file. What is `None` is left out, and errors name the key.
 
         A recording that is always given as arrays needs no `file`.
         """
-        document = dict(document)
+        document = dict(_mapping("document", document, '{"name": "scan", "device": {…}}'))
         for number, recording in enumerate(document.get("recording", ())):
             if isinstance(recording, Mapping) and "file" not in recording:
                 recordings = list(document["recording"])
@@ -89,7 +91,8 @@ class Experiment:
 
         What becomes `None` is left out: `replace({"recording[0].reference": None})` estimates without a reference.
         """
-        return self._of(_kalmems.replaced(self._text, self._path, dict(changes)), self._path, False)
+        own = dict(_mapping("changes", changes, '{"estimate.skip": "8 ms"}'))
+        return self._of(_kalmems.replaced(self._text, self._path, own), self._path, False)
 
     def estimate(
         self,
@@ -195,6 +198,9 @@ class Experiment:
     ) -> Study:
         """A study of it: `vary` has a table for each key that varies, as `[[vary]]` of a study file, such as
         `{"key": "estimate.skip", "values": ["4 ms", "8 ms"]}`."""
+        if isinstance(vary, (str, Mapping)):
+            expected = '[{"key": "estimate.skip", "values": ["4 ms", "8 ms"]}]'
+            raise ExperimentError(f"`vary` is a list with a table for each key that varies, such as {expected}", key="vary")
         document = {"name": name or self.name, "repeats": repeats, "seed": seed, "vary": list(vary)}
         if truth:
             document["truth"] = dict(truth)
@@ -235,6 +241,12 @@ class Experiment:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (Experiment._of, (self._text, self._path, self._has_lines))
+
+
+def _mapping(name: str, given: Mapping[str, Any], example: str) -> Mapping[str, Any]:
+    if not isinstance(given, Mapping):
+        raise ExperimentError(f"`{name}` is of the type {type(given).__name__}; expected a mapping of keys to values, such as {example}")
+    return given
 
 
 def _listed(channels: Mapping[str, Any]) -> str:

@@ -65,10 +65,25 @@ def arguments(name: str, function: Callable[..., Any], has_inputs: bool) -> None
         raise ValueError(f"`{name}{signature}` cannot be called {given} inputs; {mend}") from None
 
 
-def evaluated(function: Callable[..., Any], inputs: Numbers | None, count: int, is_compiled: bool) -> Evaluated:
+def numbers(what: str, values: Any) -> Numbers:
+    """An array of numbers."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{what} cannot be read as numbers: {error}; give an array or lists of one length") from None
+
+
+def function(name: str, given: Any) -> None:
+    """Refuses what cannot be called."""
+    if not callable(given) and not hasattr(given, "address"):
+        mend = "give a function of the state, such as `lambda x: matrix @ x`, or use `kalman` for a linear system"
+        raise TypeError(f"`{name}` is of the type {type(given).__name__}; {mend}")
+
+
+def evaluated(name: str, function: Callable[..., Any], inputs: Numbers | None, count: int, is_compiled: bool) -> Evaluated:
     """A function of the state alone, at the inputs of the first sample; one that is compiled fills `count` numbers."""
     if not is_compiled:
-        return lambda x: np.asarray(function(x) if inputs is None else function(x, inputs), dtype=np.float64)
+        return lambda x: numbers(f"what `{name}` gives", function(x) if inputs is None else function(x, inputs))
     native: Any = getattr(function, "ctypes", function)
     pointer = ctypes.POINTER(ctypes.c_double)
 

@@ -28,6 +28,8 @@ def plot(segments: Sequence[Segment], state: str | None, window: Window, ax: Any
     """A state of all filters over time, each with the standard deviations that it claims, and of the reference."""
     plt = needed("matplotlib.pyplot", "plot")
 
+    if window is not None and not (isinstance(window, Sequence) and len(window) == 2):
+        raise ValueError("`window` is a pair of times in s, such as (0.01, 0.02), with `None` for an end that is open")
     name = _known(segments, state)
     drawn = [(segment, _span(segment, window)) for segment in (segments if window is not None else segments[-1:])]
     drawn = [(segment, span) for segment, span in drawn if span.stop > span.start]

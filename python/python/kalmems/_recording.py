@@ -46,6 +46,10 @@ class Recording:
         clock: str | float | None = None,
         name: str | None = None,
     ) -> None:
+        if units is not None and not isinstance(units, Mapping):
+            raise RecordingError('`units` is a mapping of columns to units, such as {"cap_V": "mV"}')
+        if clock is not None and not isinstance(clock, (str, int, float, np.number)):
+            raise RecordingError("`clock` is the name of the column of the times, or the sampling rate in Hz as a number")
         self.name = name
         self._units = dict(units or {})
         self._columns: dict[str, tuple[Any, NDArray[np.bool_] | None]] = {}

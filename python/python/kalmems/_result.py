@@ -124,7 +124,8 @@ class Trajectory:
             return states[name].mean
         if name.endswith("_sd") and name[:-3] in states and states[name[:-3]].sd is not None:
             return states[name[:-3]].sd
-        raise AttributeError(f"a trajectory of {', '.join(states)} has no `{name}`")
+        without = f": {self.__dict__.get('name')!r} claims no standard deviation" if name.removesuffix("_sd") in states else ""
+        raise AttributeError(f"a trajectory of {', '.join(states)} has no `{name}`{without}")
 
     def __dir__(self) -> list[str]:
         own = list(super().__dir__())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 import numpy as np
@@ -43,6 +43,9 @@ def check(source: Any) -> None:
         raise RecordingError(f"the source of a stream is not a path; open it: `experiment.stream(open({str(source)!r}, 'rb'))`")
     if isinstance(source, (bytes, bytearray, memoryview)):
         raise RecordingError("the source of a stream gives pieces of bytes; give a list of them: `experiment.stream([content])`")
+    if not isinstance(source, (Iterable, AsyncIterable)) and not is_whole(source):
+        kind = type(source).__name__
+        raise RecordingError(f"the source of a stream is of the type {kind}; expected something that gives pieces of bytes, text or arrays")
 
 
 def encoded(pieces: Iterable[Any], names: Sequence[str]) -> Iterator[bytes]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from . import _html, _kalmems, _rows
+from ._errors import KalmemsError
 from ._executor import finished
 from ._needed import needed
 from ._rows import Cell
@@ -39,6 +40,8 @@ class Study:
 
     def parts(self, count: int) -> list[Part]:
         """As many parts of about as many runs each."""
+        if count < 1:
+            raise KalmemsError(f"a study has at least one part, and {count} are asked for; give as many as there are workers, or more")
         return [Part(self, part, count) for part in range(1, count + 1)]
 
     def run(
@@ -64,6 +67,9 @@ class Study:
         if executor is None:
             journal = _kalmems.study_run(self._texts, folder, 1, 1, threads, progress)
             return self._merged([journal], folder, force)
+        if not hasattr(executor, "submit"):
+            expected = "an object with `submit`, such as `concurrent.futures.ProcessPoolExecutor()`"
+            raise KalmemsError(f"the executor is of the type {type(executor).__name__}; expected {expected}")
         count = min(parts if parts is not None else PARTS, self.runs)
         return self.merge(finished(executor, self.parts(count), deadline, progress), folder, force=force)
 
@@ -71,6 +77,9 @@ class Study:
         self, parts: Iterable[bytes | str | os.PathLike[str]], folder: str | os.PathLike[str], *, force: bool = False
     ) -> StudyResult:
         """Joins what all parts gave, bytes or journals, and writes the results into a folder. A part that was run twice counts once."""
+        parts = list(parts)
+        if not parts:
+            raise KalmemsError("there are no parts to merge; give what `run` of each part of `study.parts(count)` returned")
         with tempfile.TemporaryDirectory() as place:
             journals = []
             for number, part in enumerate(parts):

@@ -117,6 +117,9 @@ def _no_table(value: Any) -> str:
     if isinstance(value, np.ndarray):
         mend = 'name its columns, such as {"time_s": array[:, 0], "cap_V": array[:, 1]}'
         return f"an array of {value.ndim} axes has no names of columns; {mend}"
+    if isinstance(value, (list, tuple)):
+        mend = 'such as {"time_s": t, "cap_V": y}; several recordings are a mapping of their names or roles'
+        return f"columns of the type {type(value).__name__} have no names; expected a mapping of names to arrays, {mend}"
     expected = 'a mapping of names to arrays, such as {"time_s": t, "cap_V": y}, or a table of pandas, polars, xarray or Arrow'
     return f"columns of the type {type(value).__name__}; expected {expected}"
 

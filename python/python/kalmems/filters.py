@@ -168,14 +168,14 @@ def kalman(
     >>> found.x[-1].round(2).tolist(), found.sd[-1].round(2).tolist()
     ([2.97, 1.96], [0.08, 0.09])
     """
-    rows, states = _rows(z), _vector(x0)
+    rows, states = _samples(z), _vector("x0", x0)
     n, m = states.size, rows.shape[1]
-    inputs = None if u is None else _rows(u)
-    gain = None if B is None else _matrix(B, n, None if inputs is None else inputs.shape[1])
+    inputs = None if u is None else _rows("u", u)
+    gain = None if B is None else _matrix("B", B, n, None if inputs is None else inputs.shape[1])
     if (inputs is None) != (gain is None):
-        raise ValueError("`B` and `u` belong together")
-    motion, sensor, noise = _matrix(F, n, n), _matrix(H, m, n), (_matrix(Q, n, n), _matrix(R, m, m))
-    before = _matrix(P0, n, n)
+        raise ValueError("`B` and `u` belong together; give both or none")
+    motion, sensor, noise = _matrix("F", F, n, n), _matrix("H", H, m, n), (_matrix("Q", Q, n, n), _matrix("R", R, m, m))
+    before = _matrix("P0", P0, n, n)
     if check:
         _check_numbers(rows, inputs, states, before, *noise)
         _model_checks.finite(F=motion, H=sensor, B=gain)
@@ -210,6 +210,9 @@ class _Nonlinear:
         check: bool = True,
     ) -> None:
         self._functions: dict[str, Function | None] = {"f": f, "F": F, "h": h, "H": H}
+        for name, function in self._functions.items():
+            if function is not None or name in ("f", "h"):
+                _model_checks.function(name, function)
         self._q, self._r = Q, R
         self._is_to_check, self._is_checked = check, False
 
@@ -235,14 +238,14 @@ class _Nonlinear:
         -------
         Filtered
         """
-        rows, states = _rows(z), _vector(x0)
+        rows, states = _samples(z), _vector("x0", x0)
         n, m = states.size, rows.shape[1]
         compiled = [_is_compiled(function) for function in self._functions.values() if function is not None]
         if any(compiled) != all(compiled):
             raise ValueError("some functions of the model are compiled and some are not; give all of one kind")
         functions = [None if function is None else _handed_over(name, function) for name, function in self._functions.items()]
-        inputs = None if u is None else _rows(u)
-        noise, before = (_matrix(self._q, n, n), _matrix(self._r, m, m)), _matrix(P0, n, n)
+        inputs = None if u is None else _rows("u", u)
+        noise, before = (_matrix("Q", self._q, n, n), _matrix("R", self._r, m, m)), _matrix("P0", P0, n, n)
         if self._is_to_check:
             _check_numbers(rows, inputs, states, before, *noise)
             self._check_functions(states, before, m, None if inputs is None or len(inputs) == 0 else inputs[0])
@@ -271,7 +274,7 @@ class _Nonlinear:
         is_compiled = _is_compiled(function)
         if not is_compiled:
             _model_checks.arguments(name, function, u is not None)
-        return _model_checks.evaluated(function, u, count, is_compiled)
+        return _model_checks.evaluated(name, function, u, count, is_compiled)
 
     def __repr__(self) -> str:
         parts = [f"{name}={_named(function)}" for name, function in self._functions.items() if function is not None]
@@ -358,6 +361,8 @@ class Ukf(_Nonlinear):
         kappa: float = 1.0,
         check: bool = True,
     ) -> None:
+        if not alpha > 0:
+            raise ValueError(f"`alpha` is {alpha:g}; the spread of the sigma points is above 0, such as 1")
         super().__init__(f, h, Q=Q, R=R, check=check)
         self._points = (alpha, beta, kappa)
 
@@ -381,26 +386,35 @@ def _handed_over(name: str, function: Function) -> tuple[int | None, Function | 
     return ctypes.cast(compiled, ctypes.c_void_p).value, None
 
 
-def _rows(values: ArrayLike) -> Numbers:
-    masked = np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
-    array = np.ascontiguousarray(masked, dtype=np.float64)
+def _samples(values: ArrayLike) -> Numbers:
+    rows = _rows("z", values)
+    if rows.shape[0] <= 2 < rows.shape[1]:
+        raise ValueError(f"`z` has the shape {rows.shape}; a row is a sample and a column a measurement: give `z.T`")
+    return rows
+
+
+def _rows(name: str, values: ArrayLike) -> Numbers:
+    if isinstance(values, np.ma.MaskedArray):
+        array = np.where(np.ma.getmaskarray(values), np.nan, _model_checks.numbers(f"`{name}`", values.data))
+    else:
+        array = np.ascontiguousarray(_model_checks.numbers(f"`{name}`", values))
     if array.ndim == 1:
         array = array.reshape(-1, 1)
     if array.ndim != 2:
-        raise ValueError(f"found {array.ndim} axes; expected a row for each sample")
+        raise ValueError(f"`{name}` has {array.ndim} axes; expected a row for each sample")
     return array
 
 
-def _vector(values: ArrayLike) -> Numbers:
-    array = np.atleast_1d(np.asarray(values, dtype=np.float64))
+def _vector(name: str, values: ArrayLike) -> Numbers:
+    array = np.atleast_1d(_model_checks.numbers(f"`{name}`", values))
     if array.ndim != 1:
-        raise ValueError(f"`x0` has the shape {array.shape}; expected a number for each state, of the shape ({array.size},)")
+        raise ValueError(f"`{name}` has the shape {array.shape}; expected a number for each state, of the shape ({array.size},)")
     return np.ascontiguousarray(array)
 
 
-def _matrix(values: ArrayLike, rows: int, columns: int | None) -> Numbers:
+def _matrix(name: str, values: ArrayLike, rows: int, columns: int | None) -> Numbers:
     """A matrix; a vector is the diagonal of a square one, or the only row or column."""
-    array = np.asarray(values, dtype=np.float64)
+    array = _model_checks.numbers(f"`{name}`", values)
     if array.ndim == 0 and rows == 1:
         array = array.reshape(1, 1)
     if array.ndim == 1 and rows == columns == array.size:
