@@ -10,7 +10,7 @@
 All numbers are in SI.
 """
 
-from . import applications, filters
+from . import applications, filters, metrics
 from ._batch import Batch
 from ._errors import (
     EstimationError,
@@ -74,5 +74,6 @@ __all__ = [
     "calibrate",
     "filters",
     "image",
+    "metrics",
     "spectrum",
 ]

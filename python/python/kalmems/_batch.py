@@ -19,6 +19,9 @@ from ._rows import Cell
 from ._tables import is_path
 
 if TYPE_CHECKING:
+    import pandas
+    import polars
+
     from ._experiment import Experiment
 
 File: TypeAlias = "str | os.PathLike[str]"
@@ -52,13 +55,15 @@ class Batch:
         """The rows of `summary`, one for each recording, or of `results`: numbers, booleans and texts, and `None` for an empty cell."""
         return _rows.read(self._read(f"{table}.csv").decode())
 
-    def to_pandas(self, table: str = "summary") -> Any:
+    def to_pandas(self, table: str = "summary") -> pandas.DataFrame:
         """One of both tables as a `pandas.DataFrame`."""
-        return needed("pandas", "pandas").read_csv(io.BytesIO(self._read(f"{table}.csv")))
+        found: pandas.DataFrame = needed("pandas", "pandas").read_csv(io.BytesIO(self._read(f"{table}.csv")))
+        return found
 
-    def to_polars(self, table: str = "summary") -> Any:
+    def to_polars(self, table: str = "summary") -> polars.DataFrame:
         """One of both tables as a `polars.DataFrame`."""
-        return needed("polars", "polars").read_parquet(self._read(f"{table}.parquet"))
+        found: polars.DataFrame = needed("polars", "polars").read_parquet(self._read(f"{table}.parquet"))
+        return found
 
     def __repr__(self) -> str:
         return f"{self._text}\nin {self.folder}"

@@ -31,7 +31,7 @@ class Experiment:
     """
 
     def __init__(self, text: str, path: str | os.PathLike[str] | None = None) -> None:
-        """Of the text of an experiment file; the files that it names are sought in the folder of `path`."""
+        """Reads the text of an experiment file; the files that it names are sought in the folder of `path`."""
         if isinstance(text, os.PathLike) or (isinstance(text, str) and "\n" not in text and text.endswith(".toml")):
             raise ExperimentError(f"the text of an experiment is expected and a path was given; read it: `Experiment.load({str(text)!r})`")
         self._take(text, Path(path) if path is not None else Path("experiment.toml"), True)
@@ -59,7 +59,7 @@ class Experiment:
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any], path: str | os.PathLike[str] | None = None) -> Experiment:
-        """Of a dictionary with the keys of an experiment file. What is `None` is left out, and errors name the key.
+        """Makes one of a dictionary with the keys of an experiment file. What is `None` is left out, and errors name the key.
 
         A recording that is always given as arrays needs no `file`.
         """

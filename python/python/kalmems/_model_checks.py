@@ -114,7 +114,7 @@ def derivative(name: str, of: str, given: Numbers, function: Evaluated, x: Numbe
     """Compares a derivative with central differences at a state; `scales` is how far each state is expected to be off."""
     near, _ = differences(function, x, scales, 1.0)
     far, noise = differences(function, x, scales, 2.0)
-    # Of the differences: what their step and the digits of the values leave undecided.
+    # How much of a difference quotient its step and the digits of the values leave undecided.
     unsure = 10 * np.abs(near - far) + 10 * noise
     error, larger = np.abs(given - near), np.maximum(np.abs(given), np.abs(near))
     weights = (larger * scales) / np.maximum((larger * scales).max(axis=1, keepdims=True), np.finfo(float).tiny)

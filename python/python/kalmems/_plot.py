@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from ._needed import needed
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from ._result import Numbers, Segment
 
 
@@ -24,7 +26,7 @@ POINTS = 4000
 Window: TypeAlias = "tuple[float | None, float | None] | None"
 
 
-def plot(segments: Sequence[Segment], state: str | None, window: Window, ax: Any, band: float) -> Any:
+def plot(segments: Sequence[Segment], state: str | None, window: Window, ax: Axes | None, band: float) -> Axes:
     """A state of all filters over time, each with the standard deviations that it claims, and of the reference."""
     plt = needed("matplotlib.pyplot", "plot")
 
@@ -35,8 +37,7 @@ def plot(segments: Sequence[Segment], state: str | None, window: Window, ax: Any
     drawn = [(segment, span) for segment, span in drawn if span.stop > span.start]
     if not drawn:
         raise ValueError(f"no sample lies in the window of {window} s; the segments cover {_covered(segments)}")
-    if ax is None:
-        _, ax = plt.subplots(figsize=(8, 3.2), layout="constrained")
+    ax = ax if ax is not None else _axes(plt)
     pixels = max(int(ax.get_window_extent().width), 1)
     labelled: set[str] = set()
 
@@ -64,6 +65,12 @@ def plot(segments: Sequence[Segment], state: str | None, window: Window, ax: Any
     ax.set_ylabel(f"{name} ({unit.replace('_per_', '/')})")
     ax.legend(loc="upper right", fontsize="small")
     return ax
+
+
+def _axes(plt: Any) -> Axes:
+    """Axes in a figure of their own."""
+    axes: Axes = plt.subplots(figsize=(8, 3.2), layout="constrained")[1]
+    return axes
 
 
 def _known(segments: Sequence[Segment], state: str | None) -> str:
@@ -94,7 +101,7 @@ def _covered(segments: Sequence[Segment]) -> str:
     return ", ".join(f"{time[0]:.6g} s to {time[-1]:.6g} s" for time in times if len(time))
 
 
-def _reference(ax: Any, segment: Segment, span: slice, state: str, pixels: int, label: Callable[[str], str | None]) -> None:
+def _reference(ax: Axes, segment: Segment, span: slice, state: str, pixels: int, label: Callable[[str], str | None]) -> None:
     if state not in segment.references:
         return
     of, own = segment.references[state], segment.trajectories[0].time[span]
@@ -104,11 +111,11 @@ def _reference(ax: Any, segment: Segment, span: slice, state: str, pixels: int, 
         ax.plot(*line, color="0.13", linewidth=1, linestyle="--", label=label("reference"))
 
 
-def _settling(ax: Any, segment: Segment, span: slice, label: Callable[[str], str | None]) -> None:
+def _settling(ax: Axes, segment: Segment, span: slice, label: Callable[[str], str | None]) -> None:
     time = segment.trajectories[0].time
     end = time[0] + segment.skip
     if np.isfinite(segment.skip) and end > time[span.start]:
-        ax.axvspan(time[span.start], min(end, time[span.stop - 1]), color="0.9", zorder=0, label=label("settling time"))
+        ax.axvspan(float(time[span.start]), float(min(end, time[span.stop - 1])), color="0.9", zorder=0, label=label("settling time"))
 
 
 def _columns(time: Numbers, pixels: int) -> NDArray[np.intp]:
@@ -144,13 +151,13 @@ def _band(time: Numbers, mean: Numbers, sd: Numbers, band: float, pixels: int) -
     return times, np.repeat(low, 2), np.repeat(high, 2)
 
 
-def columns(*tables: dict[str, Any]) -> Any:
+def columns(*tables: Mapping[str, Numbers]) -> NDArray[np.object_]:
     """The columns of tables over their time, a panel for each."""
     plt = needed("matplotlib.pyplot", "plot")
 
     drawn = [(table["time_s"], name, values) for table in tables for name, values in table.items() if name != "time_s"]
     _, grid = plt.subplots(len(drawn), 1, figsize=(8, 0.6 + 1.5 * len(drawn)), sharex=True, layout="constrained", squeeze=False)
-    axes = grid[:, 0]
+    axes: NDArray[np.object_] = grid[:, 0]
     for ax, (time, name, values) in zip(axes, drawn, strict=True):
         ax.plot(time, values, linewidth=0.8)
         quantity, _, unit = name.partition("_")
@@ -169,7 +176,7 @@ def chosen(figures: Sequence[dict[str, Any]], name: str) -> dict[str, Any]:
     raise KeyError(f"the report has no figure {name!r}; it has {known}")
 
 
-def draw(figure: dict[str, Any]) -> Any:
+def draw(figure: dict[str, Any]) -> NDArray[np.object_]:
     """A figure of a report: its axes, from top to bottom. Series have the colours and widths of the report."""
     plt = needed("matplotlib.pyplot", "plot")
 
@@ -177,7 +184,7 @@ def draw(figure: dict[str, Any]) -> Any:
     picture, grid = plt.subplots(
         len(panels), 1, figsize=(8, 0.8 + 1.9 * len(panels)), layout="constrained", squeeze=False
     )
-    axes = grid[:, 0]
+    axes: NDArray[np.object_] = grid[:, 0]
     for number, (ax, panel) in enumerate(zip(axes, panels, strict=True)):
         if panel["shares_x"] and number > 0:
             ax.sharex(axes[number - 1])

@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,17 @@ from ._errors import KalmemsError
 from ._needed import needed
 from ._recording import Recording
 
+from .metrics import EstimatorMetrics, Metrics, SegmentMetrics
+
 if TYPE_CHECKING:
-    from ._experiment import Experiment
+    import pandas
+    import polars
+    import pyarrow
+    import xarray
+    from matplotlib.axes import Axes
+
+    from ._experiment import Experiment, Progress
+    from ._plot import Window
 
 Numbers = NDArray[np.float64]
 
@@ -103,7 +112,7 @@ class Trajectory:
     """The samples that the filter's gate rejected."""
     further: dict[str, SignalInnovations]
     """The innovations of further signals, by their names, of a filter that several signals correct."""
-    metrics: dict[str, Any] = field(repr=False)
+    metrics: EstimatorMetrics = field(repr=False)
     """Its figures, as `metrics.json` has them."""
     seconds_per_step: float = field(default=0.0, repr=False)
 
@@ -118,12 +127,13 @@ class Trajectory:
         grade = self.metrics["grade"]
         return None if grade is None else str(grade)
 
-    def __getattr__(self, name: str) -> Any:
-        states = self.__dict__.get("states", {})
+    def __getattr__(self, name: str) -> Numbers:
+        states: dict[str, State] = self.__dict__.get("states", {})
         if name in states:
             return states[name].mean
-        if name.endswith("_sd") and name[:-3] in states and states[name[:-3]].sd is not None:
-            return states[name[:-3]].sd
+        of = states.get(name.removesuffix("_sd"))
+        if of is not None and of.sd is not None:
+            return of.sd
         without = f": {self.__dict__.get('name')!r} claims no standard deviation" if name.removesuffix("_sd") in states else ""
         raise AttributeError(f"a trajectory of {', '.join(states)} has no `{name}`{without}")
 
@@ -150,20 +160,23 @@ class Trajectory:
             columns[f"nis_{name}_1"] = one.nis
         return columns
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pandas.DataFrame:
         """A `pandas.DataFrame`."""
-        return needed("pandas", "pandas").DataFrame(self.columns())
+        table: pandas.DataFrame = needed("pandas", "pandas").DataFrame(self.columns())
+        return table
 
-    def to_polars(self) -> Any:
+    def to_polars(self) -> polars.DataFrame:
         """A `polars.DataFrame`."""
-        return needed("polars", "polars").DataFrame(self.columns())
+        table: polars.DataFrame = needed("polars", "polars").DataFrame(self.columns())
+        return table
 
-    def to_arrow(self) -> Any:
+    def to_arrow(self) -> pyarrow.Table:
         """A `pyarrow.Table`."""
-        pyarrow = needed("pyarrow", "arrow")
-        return pyarrow.table({name: pyarrow.array(values) for name, values in self.columns().items()})
+        library = needed("pyarrow", "arrow")
+        table: pyarrow.Table = library.table({name: library.array(values) for name, values in self.columns().items()})
+        return table
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> xarray.Dataset:
         """An `xarray.Dataset` over `time`, in s, with the unit of each variable."""
         variables: dict[str, Any] = {}
         for state in self.states.values():
@@ -178,7 +191,8 @@ class Trajectory:
             variables[f"innovation_sd_{signal}"] = ("time", one.innovation_sd, {"units": one.unit})
             variables[f"nis_{signal}"] = ("time", one.nis, {"units": "1"})
         coordinates = {"time": ("time", self.time, {"units": "s"})}
-        return needed("xarray", "xarray").Dataset(variables, coords=coordinates, attrs={"filter": self.name})
+        table: xarray.Dataset = needed("xarray", "xarray").Dataset(variables, coords=coordinates, attrs={"filter": self.name})
+        return table
 
     def to_parquet(self, path: str | os.PathLike[str]) -> None:
         """Writes a Parquet file (needs pyarrow), packed as floating-point numbers pack best."""
@@ -228,7 +242,8 @@ class Segment:
     """The column of the signal."""
     skip: float
     """The settling time in s, which is not scored."""
-    metrics: dict[str, Any] = field(repr=False)
+    metrics: SegmentMetrics = field(repr=False)
+    """Its figures, as `metrics.json` has them."""
     trajectories: list[Trajectory] = field(repr=False)
     references: dict[str, Reference] = field(default_factory=dict, repr=False)
     """What the reference knows of each state, for those that it has and that the module hands over."""
@@ -275,7 +290,7 @@ class Result:
         self._outcome: _kalmems.Outcome | None = None
         self._report: str | None = None
         self._drawn: list[dict[str, Any]] | None = None
-        self.metrics: dict[str, Any] = state["metrics"]
+        self.metrics: Metrics = state["metrics"]
         """The figures, as `metrics.json` has them."""
         self.notices: list[Notice] = state["notices"]
         """What a reader must know before trusting a figure, the worst first."""
@@ -290,7 +305,7 @@ class Result:
 
     @classmethod
     def _of(cls, outcome: _kalmems.Outcome) -> Result:
-        metrics = json.loads(outcome.metrics_json())
+        metrics: Metrics = json.loads(outcome.metrics_json())
         figures = [segment for recording in metrics["recordings"] for segment in recording["segments"]]
         segments = [_segment(own, told) for own, told in zip(outcome.segments(), figures, strict=True)]
         result = cls(
@@ -381,15 +396,23 @@ class Result:
         """The figures of the report, for `plot(figure=…)`."""
         return [str(figure["id"]) for figure in self._figures()]
 
+    @overload
+    def plot(
+        self, state: str | None = None, *, figure: None = None, window: Window = None, ax: Axes | None = None, band: float = 2.0
+    ) -> Axes: ...
+
+    @overload
+    def plot(self, *, figure: str) -> NDArray[np.object_]: ...
+
     def plot(
         self,
         state: str | None = None,
         *,
         figure: str | None = None,
-        window: tuple[float | None, float | None] | None = None,
-        ax: Any = None,
+        window: Window = None,
+        ax: Axes | None = None,
         band: float = 2.0,
-    ) -> Any:
+    ) -> Axes | NDArray[np.object_]:
         """Draws a state of all filters over time, each with its claim of `band` standard deviations (needs matplotlib). Returns the axes.
 
         The last cycles of the motion in the last segment are drawn, or its last 2000 samples if the frequency of the motion is not known.
@@ -427,7 +450,7 @@ class Result:
         self._outcome = None
 
 
-def _segment(own: dict[str, Any], told: dict[str, Any]) -> Segment:
+def _segment(own: dict[str, Any], told: SegmentMetrics) -> Segment:
     trajectories = []
     for one, metrics in zip(own["trajectories"], told["estimators"], strict=True):
         states = {name: State(name, unit, mean, sd) for name, unit, mean, sd in one.pop("states")}
@@ -552,11 +575,11 @@ class Simulation:
         """The truth, for the comparison."""
         return Recording(self.truth)
 
-    def estimate(self, **options: Any) -> Result:
+    def estimate(self, *, progress: Progress = None, strict: bool = False) -> Result:
         """Estimates it, and compares with the truth; options as in `Experiment.estimate`."""
-        return self.experiment.estimate(self.recording(), reference=self.reference(), **options)
+        return self.experiment.estimate(self.recording(), reference=self.reference(), progress=progress, strict=strict)
 
-    def plot(self) -> Any:
+    def plot(self) -> NDArray[np.object_]:
         """Draws each column over time, with what is recorded above and the true motion below (needs matplotlib); the axes."""
         from ._plot import columns
 

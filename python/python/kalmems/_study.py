@@ -10,6 +10,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
 from . import _html, _kalmems, _rows
 from ._errors import KalmemsError
 from ._executor import finished
@@ -17,6 +20,9 @@ from ._needed import needed
 from ._rows import Cell
 
 if TYPE_CHECKING:
+    import pandas
+    import polars
+
     from ._experiment import Experiment
 
 PARTS = 32
@@ -137,20 +143,22 @@ class StudyResult:
         """The rows of `results.csv`: numbers, booleans and texts, and `None` for an empty cell."""
         return _rows.read((self.folder / "results.csv").read_bytes().decode())
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pandas.DataFrame:
         """All figures of all runs as a `pandas.DataFrame`."""
-        return needed("pandas", "pandas").read_csv(self.folder / "results.csv")
+        table: pandas.DataFrame = needed("pandas", "pandas").read_csv(self.folder / "results.csv")
+        return table
 
-    def to_polars(self) -> Any:
+    def to_polars(self) -> polars.DataFrame:
         """All figures of all runs as a `polars.DataFrame`."""
-        return needed("polars", "polars").read_csv(self.folder / "results.csv", infer_schema_length=None)
+        table: polars.DataFrame = needed("polars", "polars").read_csv(self.folder / "results.csv", infer_schema_length=None)
+        return table
 
     @property
     def figure_names(self) -> list[str]:
         """The figures of the report, which `figures=` of the study asked for."""
         return [str(figure["id"]) for figure in self._figures]
 
-    def plot(self, figure: str | None = None) -> Any:
+    def plot(self, figure: str | None = None) -> NDArray[np.object_]:
         """Draws a figure of the report, the first where no name is given (needs matplotlib); its axes, from top to bottom."""
         from . import _plot
 

@@ -8,13 +8,16 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _kalmems
 from ._needed import needed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Calibration", "Image", "Spectrum", "calibrate", "image", "spectrum"]
 
@@ -51,12 +54,12 @@ class Image(_Told):
     values: Numbers
     """Intensities, row after row from the top."""
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Axes:
         """Draws it (needs matplotlib); the axes."""
         plt = needed("matplotlib.pyplot", "plot")
 
         if ax is None:
-            _, ax = plt.subplots(layout="constrained")
+            ax = cast("Axes", plt.subplots(layout="constrained")[1])
         ax.imshow(self.values, cmap="gray", interpolation="nearest")
         ax.set_xlabel("column")
         ax.set_ylabel("row")
@@ -73,12 +76,12 @@ class Spectrum(_Told):
     sd: Numbers | None
     """The standard error by the differences of the scans, where there are several."""
 
-    def plot(self, *, ax: Any = None) -> Any:
+    def plot(self, *, ax: Axes | None = None) -> Axes:
         """Draws it, with its standard error where that is known (needs matplotlib); the axes."""
         plt = needed("matplotlib.pyplot", "plot")
 
         if ax is None:
-            _, ax = plt.subplots(figsize=(8, 3.2), layout="constrained")
+            ax = cast("Axes", plt.subplots(figsize=(8, 3.2), layout="constrained")[1])
         ax.plot(self.wavenumber, self.values, linewidth=1)
         if self.sd is not None:
             ax.fill_between(self.wavenumber, self.values - self.sd, self.values + self.sd, alpha=0.25, linewidth=0)
