@@ -17,6 +17,8 @@ SYMMETRY = 1e-12
 """How far a covariance may differ from its transpose, relative to its largest element."""
 DERIVATIVE = 1e-2
 """How far an element of a derivative may be from the difference quotient, relative to the larger."""
+BLOCK = 2**16
+"""So many samples are looked at in one go."""
 NEGLIGIBLE = 1e-8
 """The effect of an element on a value, relative to the largest in its row, from which on it is compared."""
 
@@ -30,9 +32,11 @@ def finite(**arrays: Numbers | None) -> None:
 
 def measured(z: Numbers) -> None:
     """Refuses infinite samples; one that is not a number is missing."""
-    rows = np.flatnonzero(np.isinf(z).any(axis=1))
-    if rows.size:
-        raise ValueError(f"`z` is infinite at sample {rows[0]}; a sample that is missing is `nan`")
+    # In pieces, between which an interruption is heard.
+    for start in range(0, len(z), BLOCK):
+        places = np.argwhere(np.isinf(z[start : start + BLOCK]))
+        if places.size:
+            raise ValueError(f"`z` is infinite at sample {start + places[0, 0]}; a sample that is missing is `nan`")
 
 
 def covariance(name: str, matrix: Numbers) -> None:
