@@ -17,6 +17,8 @@ SYMMETRY = 1e-12
 """How far a covariance may differ from its transpose, relative to its largest element."""
 DERIVATIVE = 1e-2
 """How far an element of a derivative may be from the difference quotient, relative to the larger."""
+ROOM = 64
+"""Numbers that a compiled function may write too many in a check, where the filter has no room for them."""
 BLOCK = 2**16
 """So many samples are looked at in one go."""
 NEGLIGIBLE = 1e-8
@@ -85,16 +87,19 @@ def function(name: str, given: Any) -> None:
 
 
 def evaluated(name: str, function: Callable[..., Any], inputs: Numbers | None, count: int, is_compiled: bool) -> Evaluated:
-    """A function of the state alone, at the inputs of the first sample; one that is compiled fills `count` numbers."""
+    """A function of the state alone, at the inputs of the first sample. One that is compiled fills `count` numbers and no more."""
     if not is_compiled:
         return lambda x: numbers(f"what `{name}` gives", function(x) if inputs is None else function(x, inputs))
     native: Any = getattr(function, "ctypes", function)
     pointer = ctypes.POINTER(ctypes.c_double)
 
     def call(x: Numbers) -> Numbers:
-        state, u, out = x.copy(), np.zeros(1) if inputs is None else inputs.copy(), np.full(count, np.nan)
+        state, u, out = x.copy(), np.zeros(1) if inputs is None else inputs.copy(), np.full(count + ROOM, np.nan)
         native(*(array.ctypes.data_as(pointer) for array in (state, u, out)))
-        return out
+        written = count + int(np.count_nonzero(~np.isnan(out[count:])))
+        if written > count:
+            raise ValueError(f"`{name}` writes {written} numbers; expected {count}, as the state and `z` have it")
+        return out[:count]
 
     return call
 
