@@ -266,6 +266,14 @@ def test_derivatives_of_compiled_functions_are_compared() -> None:
     with pytest.raises(ValueError, match=r"`F` is not the derivative of `f` at `x0`: element \(0, 0\) is 2, by differences 3;"):
         filters.Ekf(copied(3.0), **model).run(z, 1.0, 1.0)
 
+    @signature
+    def twice(x: Any, u: Any, out: Any) -> None:
+        out[0] = out[1] = x[0]
+
+    # It would write where the filter keeps something else.
+    with pytest.raises(ValueError, match="`h` writes 2 numbers; expected 1"):
+        filters.Ekf(copied(2.0), twice, Q=1.0, R=1.0).run(z, 1.0, 1.0)
+
 
 def see(x: np.ndarray) -> np.ndarray:
     return x[:1]

@@ -230,7 +230,7 @@ def test_a_result_is_drawn(result: kalmems.Result) -> None:
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")
     axes = result.plot()
-    assert axes.get_ylabel() == "angle (rad)" and len(axes.lines) == 3
+    assert axes.get_ylabel() == "angle (rad)" and len([line for line in axes.lines if line.get_label() != "reference"]) == 3
     with pytest.raises(KeyError, match="no state is called 'angel'; there are angle, rate"):
         result.plot("angel")
 

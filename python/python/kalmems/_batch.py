@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ._experiment import Experiment
 
 File: TypeAlias = "str | os.PathLike[str]"
-Many: TypeAlias = "File | Iterable[File] | Mapping[str, Any]"
+Many: TypeAlias = "File | Iterable[File] | Mapping[str, object]"
 """Files, or recordings, tables and files by names of one's own."""
 
 

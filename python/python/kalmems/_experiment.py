@@ -19,7 +19,7 @@ from ._stream import Source, Stream
 from ._study import Study
 from ._tables import is_path, is_table, local
 
-Recordings: TypeAlias = "Any | None"
+Recordings: TypeAlias = "object"
 """A `Recording` or what makes one, such as a table, the path of a file, or a mapping of names or roles to several of these."""
 Progress: TypeAlias = "Callable[[str, int, int], object] | None"
 
@@ -58,17 +58,15 @@ class Experiment:
         return cls(text, path)
 
     @classmethod
-    def from_dict(cls, document: Mapping[str, Any], path: str | os.PathLike[str] | None = None) -> Experiment:
+    def from_dict(cls, document: Mapping[str, object], path: str | os.PathLike[str] | None = None) -> Experiment:
         """Makes one of a dictionary with the keys of an experiment file. What is `None` is left out, and errors name the key.
 
         A recording that is always given as arrays needs no `file`.
         """
         document = dict(_mapping("document", document, '{"name": "scan", "device": {…}}'))
-        for number, recording in enumerate(document.get("recording", ())):
-            if isinstance(recording, Mapping) and "file" not in recording:
-                recordings = list(document["recording"])
-                recordings[number] = {**recording, "file": f"recording {number}"}
-                document["recording"] = recordings
+        recordings = document.get("recording")
+        if isinstance(recordings, (list, tuple)):
+            document["recording"] = [_with_file(one, number) for number, one in enumerate(recordings)]
         place = Path(path) if path is not None else Path("experiment.toml")
         return cls._of(_kalmems.to_toml(document), place, False)
 
@@ -86,7 +84,7 @@ class Experiment:
         document: dict[str, Any] = _kalmems.to_dict(self._text, self._path)
         return document
 
-    def replace(self, changes: Mapping[str, Any]) -> Experiment:
+    def replace(self, changes: Mapping[str, object]) -> Experiment:
         """The same with other values at some keys: `replace({"simulate.seed": 7, "recording[0].clock.rate": "1 MHz"})`.
 
         What becomes `None` is left out: `replace({"recording[0].reference": None})` estimates without a reference.
@@ -188,12 +186,12 @@ class Experiment:
 
     def study(
         self,
-        vary: Sequence[Mapping[str, Any]],
+        vary: Sequence[Mapping[str, object]],
         *,
         repeats: int = 1,
         seed: int = 0,
-        truth: Mapping[str, Any] | None = None,
-        figures: Sequence[Mapping[str, Any]] = (),
+        truth: Mapping[str, object] | None = None,
+        figures: Sequence[Mapping[str, object]] = (),
         name: str | None = None,
     ) -> Study:
         """A study of it: `vary` has a table for each key that varies, as `[[vary]]` of a study file, such as
@@ -243,10 +241,15 @@ class Experiment:
         return (Experiment._of, (self._text, self._path, self._has_lines))
 
 
-def _mapping(name: str, given: Mapping[str, Any], example: str) -> Mapping[str, Any]:
+def _mapping(name: str, given: Mapping[str, object], example: str) -> Mapping[str, object]:
     if not isinstance(given, Mapping):
         raise ExperimentError(f"`{name}` is of the type {type(given).__name__}; expected a mapping of keys to values, such as {example}")
     return given
+
+
+def _with_file(recording: object, number: int) -> object:
+    """A recording with the name of a file, which arrays are given instead of."""
+    return {**recording, "file": f"recording {number}"} if isinstance(recording, Mapping) and "file" not in recording else recording
 
 
 def _listed(channels: Mapping[str, Any]) -> str:
@@ -258,14 +261,14 @@ class _Given:
     """What is given instead of the files of an experiment: arrays to hand over, and paths, which the experiment names then."""
 
     def __init__(self, experiment: Experiment, recordings: Recordings, reference: Recordings = None) -> None:
-        changes: dict[str, Any] = {}
+        changes: dict[str, object] = {}
         self._arrays: list[Recording] = []
         self.recordings = self._taken(experiment, recordings, "file", changes)
         self.references = self._taken(experiment, reference, "reference.file", changes)
         self.experiment = experiment.replace(changes) if changes else experiment
 
     def _taken(
-        self, experiment: Experiment, given: Recordings, key: str, changes: dict[str, Any]
+        self, experiment: Experiment, given: Recordings, key: str, changes: dict[str, object]
     ) -> list[tuple[str | None, _kalmems.Columns]]:
         taken = []
         for name, one in _by_name(given):
@@ -282,7 +285,7 @@ class _Given:
         return explained(self._arrays)
 
 
-def _by_name(given: Recordings) -> list[tuple[str | None, Any]]:
+def _by_name(given: Recordings) -> list[tuple[str | None, object]]:
     """Each recording with its name; a mapping of names to arrays is one recording, and any other mapping has a recording for each name."""
     if given is None:
         return []

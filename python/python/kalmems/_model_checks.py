@@ -17,6 +17,10 @@ SYMMETRY = 1e-12
 """How far a covariance may differ from its transpose, relative to its largest element."""
 DERIVATIVE = 1e-2
 """How far an element of a derivative may be from the difference quotient, relative to the larger."""
+ROOM = 64
+"""Numbers that a compiled function may write too many in a check, where the filter has no room for them."""
+BLOCK = 2**16
+"""So many samples are looked at in one go."""
 NEGLIGIBLE = 1e-8
 """The effect of an element on a value, relative to the largest in its row, from which on it is compared."""
 
@@ -30,9 +34,11 @@ def finite(**arrays: Numbers | None) -> None:
 
 def measured(z: Numbers) -> None:
     """Refuses infinite samples; one that is not a number is missing."""
-    rows = np.flatnonzero(np.isinf(z).any(axis=1))
-    if rows.size:
-        raise ValueError(f"`z` is infinite at sample {rows[0]}; a sample that is missing is `nan`")
+    # In pieces, between which an interruption is heard.
+    for start in range(0, len(z), BLOCK):
+        places = np.argwhere(np.isinf(z[start : start + BLOCK]))
+        if places.size:
+            raise ValueError(f"`z` is infinite at sample {start + places[0, 0]}; a sample that is missing is `nan`")
 
 
 def covariance(name: str, matrix: Numbers) -> None:
@@ -81,16 +87,19 @@ def function(name: str, given: Any) -> None:
 
 
 def evaluated(name: str, function: Callable[..., Any], inputs: Numbers | None, count: int, is_compiled: bool) -> Evaluated:
-    """A function of the state alone, at the inputs of the first sample; one that is compiled fills `count` numbers."""
+    """A function of the state alone, at the inputs of the first sample. One that is compiled fills `count` numbers and no more."""
     if not is_compiled:
         return lambda x: numbers(f"what `{name}` gives", function(x) if inputs is None else function(x, inputs))
     native: Any = getattr(function, "ctypes", function)
     pointer = ctypes.POINTER(ctypes.c_double)
 
     def call(x: Numbers) -> Numbers:
-        state, u, out = x.copy(), np.zeros(1) if inputs is None else inputs.copy(), np.full(count, np.nan)
+        state, u, out = x.copy(), np.zeros(1) if inputs is None else inputs.copy(), np.full(count + ROOM, np.nan)
         native(*(array.ctypes.data_as(pointer) for array in (state, u, out)))
-        return out
+        written = count + int(np.count_nonzero(~np.isnan(out[count:])))
+        if written > count:
+            raise ValueError(f"`{name}` writes {written} numbers; expected {count}, as the state and `z` have it")
+        return out[:count]
 
     return call
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import _kalmems
 from ._errors import KalmemsError, RecordingError
@@ -39,10 +39,10 @@ class Recording:
 
     def __init__(
         self,
-        columns: Any,
+        columns: object,
         *,
         units: Mapping[str, str] | None = None,
-        segments: str | Any | None = None,
+        segments: str | ArrayLike | None = None,
         clock: str | float | None = None,
         name: str | None = None,
     ) -> None:
@@ -114,7 +114,7 @@ class Recording:
         """The names of the columns."""
         return iter(self._columns)
 
-    def __getitem__(self, column: str) -> Any:
+    def __getitem__(self, column: str) -> NDArray[Any]:
         """A column as it was taken over; masked where elements are missing."""
         if column not in self._columns:
             known = ", ".join(self._columns)
@@ -150,7 +150,7 @@ def _frozen(values: Any) -> Any:
     return own
 
 
-def as_recording(values: Any) -> Recording:
+def as_recording(values: object) -> Recording:
     """A recording, or whatever has the columns of one."""
     return values if isinstance(values, Recording) else Recording(values)
 

@@ -39,7 +39,7 @@ class Study:
     the study alone, wherever it runs.
     """
 
-    def __init__(self, experiment: Experiment, document: Mapping[str, Any]) -> None:
+    def __init__(self, experiment: Experiment, document: Mapping[str, object]) -> None:
         study = {"name": experiment.name, **document, "experiment": experiment.path.name}
         self._texts = (_kalmems.to_toml(study), experiment.to_toml(), experiment.path.absolute())
         self.name, self.points, self.runs = _kalmems.study_check(self._texts)
