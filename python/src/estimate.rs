@@ -226,7 +226,33 @@ fn segment_of<'py>(
         all.append(trajectory_of(owner, trajectory)?)?;
     }
     own.set_item("trajectories", all)?;
+    own.set_item("references", references_of(py, recording, segment)?)?;
     Ok(own)
+}
+
+/// What a reference knows of a segment: the name of a state, times in s, and values in SI.
+fn references_of<'py>(
+    py: Python<'py>,
+    recording: &RecordingOutcome,
+    segment: &SegmentOutcome,
+) -> PyResult<Bound<'py, PyList>> {
+    let all = PyList::empty(py);
+    let Some(reference) = &recording.reference else { return Ok(all) };
+    let part = &segment.estimate.segment;
+    let add = |state: &str, time_s: &[f64], values: &[f64]| {
+        all.append((state, PyArray1::from_slice(py, time_s), PyArray1::from_slice(py, values)))
+    };
+    for motion in reference.angles_of(part).map_err(|error| failed(py, &error))? {
+        let [angle, rate] = motion.states;
+        add(angle, &motion.time_s, &motion.angle)?;
+        if let Some(values) = &motion.rate {
+            add(rate, &motion.time_s, values)?;
+        }
+    }
+    for known in reference.values_of(part).map_err(|error| failed(py, &error))? {
+        add(known.state.name, &known.time_s, &known.value)?;
+    }
+    Ok(all)
 }
 
 fn trajectory_of<'py>(owner: &Bound<'py, Outcome>, trajectory: &Trajectory) -> PyResult<Bound<'py, PyDict>> {

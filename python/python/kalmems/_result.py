@@ -468,7 +468,7 @@ def _segment(own: dict[str, Any], told: SegmentMetrics) -> Segment:
         trajectories.append(
             Trajectory(states=states, rejected=rejected, signal_unit=unit, further=further, metrics=metrics, **one)
         )
-    references = {state: Reference(time, values) for state, time, values in own.get("references", ())}
+    references = {state: Reference(time, values) for state, time, values in own["references"]}
     heads = (own["recording"], own["label"], own["stretch"], own["signal"], own["skip"])
     return Segment(*heads, metrics=told, trajectories=trajectories, references=references)
 
