@@ -225,5 +225,5 @@ fn what_cannot_be_given_is_refused_by_key() {
     assert_eq!(error.place.key.to_string(), "recording[1].file");
 
     let error = Arrays::new(vec![Array::of_numbers("a", &[1.0]), Array::of_numbers("b", &[1.0, 2.0])]);
-    insta::assert_snapshot!(error.unwrap_err(), @"arrays: `b` of 2 samples beside `a` of 1 is not read; give columns of one length, each with as many samples as its mask");
+    insta::assert_snapshot!(error.unwrap_err(), @"arrays: `b` of 2 samples next to `a` of 1 is not read; give columns of one length, each with as many samples as its mask");
 }
