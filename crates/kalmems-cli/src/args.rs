@@ -448,6 +448,15 @@ pub struct ExportArguments {
     /// Compile the source here (by `cc` or `rustc`), run it over the whole first stretch of the recording, and compare it with the estimate.
     #[arg(long)]
     pub verify: bool,
+    /// Estimate the instructions of a step on this processor, of a device that is described by equations.
+    #[arg(long, value_enum)]
+    pub cpu: Option<Processor>,
+    /// The clock of that processor, such as `168 MHz`.
+    #[arg(long, value_name = "FREQUENCY", requires = "cpu")]
+    pub clock: Option<String>,
+    /// Write nothing if a step takes longer than this, such as `10 us`, at two cycles for each instruction.
+    #[arg(long, value_name = "TIME", requires = "clock")]
+    pub budget: Option<String>,
     #[command(flatten)]
     pub folder: ResultFolder,
     /// Print the names of the files as JSON instead of a list.
@@ -462,6 +471,20 @@ pub enum ExportDigits {
     Single,
     /// Means and covariance in numbers of 64 bits.
     Double,
+}
+
+/// Processors whose instructions are estimated.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum Processor {
+    /// Floating point of 32 bits.
+    #[value(name = "cortex-m4f")]
+    CortexM4f,
+    /// Floating point of 32 and 64 bits.
+    #[value(name = "cortex-m7")]
+    CortexM7,
+    /// No floating point.
+    #[value(name = "cortex-m0plus")]
+    CortexM0plus,
 }
 
 /// The languages of an export.

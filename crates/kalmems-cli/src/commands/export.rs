@@ -1,5 +1,6 @@
 //! `kalmems export`.
 
+use super::source_cost;
 #[cfg(not(target_family = "wasm"))]
 use super::source_trial::tried;
 use crate::args::{ExportArguments, ExportDigits, Language};
@@ -41,6 +42,7 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), Com
         notes: Vec::new(),
     };
     let exported = source(workbench, &experiment, &request).map_err(|e| wrong(&e))?;
+    let cost = source_cost::said(&exported, arguments)?;
     let tried = if arguments.verify { Some(tried(&exported, request.target)?) } else { None };
     let work = Work::of_file("export", &arguments.experiment, experiment.files());
     let output = arguments.folder.begin(&["exported", &experiment.name.to_string()], work)?;
@@ -53,12 +55,16 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), Com
             "interval_s": exported.interval_s,
             "files": files,
             "verified": tried,
+            "cost": exported.cost,
         }));
     }
     for file in files {
         print(&format!("{}\n", file.display()))?;
     }
     tell!("the filter `{}`, one step each {}", exported.filter, quantity(exported.interval_s, "s"));
+    for words in &cost {
+        tell!("{words}");
+    }
     if let Some(tried) = &tried {
         tell!("{}", tried.in_words());
     }

@@ -19,6 +19,7 @@ pub mod new;
 pub mod reproduce;
 pub mod schema;
 pub mod simulate;
+mod source_cost;
 #[cfg(not(target_family = "wasm"))]
 mod source_trial;
 pub mod spectrum;

@@ -12,6 +12,7 @@ pub use error::ExportError;
 pub use samples::ExportSamples;
 pub use write::{Exported, c_name, checksum, export, heading, place_of_filter, write_export};
 
+use serde::Serialize;
 use std::num::NonZeroU32;
 
 /// The language of the source.
@@ -44,6 +45,21 @@ pub struct ExportRequest {
     pub verify: bool,
     /// What is to be said of it at the head of the source, besides where it is from.
     pub notes: Vec<String>,
+}
+
+/// What a step of a source takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct SourceCost {
+    /// Sums, products, divisions, calls of functions and choices in numbers of 32 bits.
+    pub in_32_bits: [usize; 5],
+    /// The same in 64 bits.
+    pub in_64_bits: [usize; 5],
+    /// Means and entries of the covariance.
+    pub numbers: usize,
+    /// Measurements that correct it.
+    pub measurements: usize,
+    /// The size of the filter's structure in bytes.
+    pub bytes: usize,
 }
 
 /// How many digits a source computes with.

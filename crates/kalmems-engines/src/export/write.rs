@@ -2,8 +2,8 @@
 
 use super::samples::ExportSamples;
 use super::{
-    ExportError, ExportRequest, ExportTask, ExportableFilter, FilterSource, SourceDigits, SourceLanguage,
-    SourceTrial,
+    ExportError, ExportRequest, ExportTask, ExportableFilter, FilterSource, SourceCost, SourceDigits,
+    SourceLanguage, SourceTrial,
 };
 use crate::config::{ConfigError, ConfigFault, Experiment, FilterTable, OutlierGate, Update};
 use crate::recording::{ReadError, RecordingLayout, SampledRecording};
@@ -26,6 +26,8 @@ pub struct Exported {
     pub files: Vec<(String, String)>,
     /// What the source is to be run over, where that was wanted.
     pub trial: Option<SourceTrial>,
+    /// What a step takes, if the operations are counted.
+    pub cost: Option<SourceCost>,
     /// What tells this input from another.
     input_id: String,
 }
@@ -206,7 +208,7 @@ impl Exported {
             experiment.name,
             digest.get(..12).unwrap_or(&digest)
         );
-        Self { filter, interval_s, files, trial: None, input_id }
+        Self { filter, interval_s, files, trial: None, cost: None, input_id }
     }
 }
 

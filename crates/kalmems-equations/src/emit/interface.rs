@@ -6,6 +6,7 @@ use super::names::SourceNames;
 use super::request::{EmitDigits, EmitRequest, InputCourse, StepMethod};
 use super::routine::{Routine, StorageArray, Widths};
 use crate::device::{Device, Parameter};
+use kalmems_units::si_text;
 use std::fmt::Write as _;
 
 /// Arguments and texts.
@@ -235,7 +236,8 @@ fn parameters_in_si(device: &Device, request: &EmitRequest) -> Vec<String> {
     let is_state = |place: &usize| request.free.iter().any(|free| free.parameter == *place);
     let known = device.parameters.iter().zip(&request.parameters).enumerate();
     let line = |(_, (parameter, value)): (usize, (&Parameter, &f64))| {
-        format!("- {} = {value:?} ({})", parameter.named.name, parameter.named.unit_text)
+        let unit = si_text(&parameter.named.unit_text).replace('²', "^2").replace('³', "^3");
+        format!("- {} = {value:?} {unit}", parameter.named.name).trim_end().to_owned()
     };
     let lines: Vec<String> = known.filter(|(place, _)| !is_state(place)).map(line).collect();
     if lines.is_empty() {

@@ -26,6 +26,7 @@ mod routine;
 mod runge_kutta;
 mod rust;
 mod scale;
+mod size;
 mod tables;
 mod tape;
 mod trial;
@@ -41,6 +42,7 @@ pub use request::{
 use crate::device::Device;
 use filter::FilterProgram;
 use interface::Interface;
+use routine::Routine;
 
 /// A filter as source.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,6 +57,12 @@ pub struct EmittedFilter {
     /// How many sums, products, divisions, calls of functions and choices a prediction and the corrections of a sample take,
     /// stages of Runge and Kutta's method included.
     pub operations: [usize; 5],
+    /// How many of these are in numbers of 64 bits.
+    pub wide_operations: [usize; 5],
+    /// How many numbers a step reads and writes: means and the triangle of the covariance.
+    pub numbers: usize,
+    /// The size of the filter's structure in C in bytes, where an `unsigned` has four.
+    pub bytes: usize,
     /// How many digits it computes with; never [`EmitDigits::AsNeeded`].
     pub digits: EmitDigits,
     /// The farthest that a state was, in a rehearsal with these digits, from that of the library's filter, by the standard deviation that it claims
@@ -131,7 +139,10 @@ impl Device {
             files,
             inputs: Interface::points_of(self, &program, &Interface::of(self, request, &program).step),
             units: units.collect(),
-            operations: program.operations(request),
+            operations: program.operations(request, Routine::counts),
+            wide_operations: program.operations(request, Routine::wide_counts),
+            numbers: program.start.0.len() + program.start.1.len(),
+            bytes: size::bytes(self, request, &program),
             digits,
             apart,
         })
@@ -140,16 +151,16 @@ impl Device {
 
 impl FilterProgram {
     /// How many operations of each kind a sample takes.
-    fn operations(&self, request: &EmitRequest) -> [usize; 5] {
+    fn operations(&self, request: &EmitRequest, counted: impl Fn(&Routine) -> [usize; 5]) -> [usize; 5] {
         let mut sum = [0; 5];
         let mut add = |counts: [usize; 5], times: usize| {
             sum.iter_mut().zip(counts).for_each(|(sum, count)| *sum += times * count);
         };
-        add(self.predict.counts(), request.parts);
+        add(counted(&self.predict), request.parts);
         if let Some(stage) = &self.stage {
-            add(stage.counts(), request.parts * self.predict.calls.len());
+            add(counted(stage), request.parts * self.predict.calls.len());
         }
-        self.updates.iter().take(request.measures.len()).for_each(|update| add(update.counts(), 1));
+        self.updates.iter().take(request.measures.len()).for_each(|update| add(counted(update), 1));
         sum
     }
 }

@@ -308,7 +308,7 @@ impl EmitRequest {
             positive(field, variance)?;
         }
         for [low, high] in self.measures.iter().filter_map(|measure| measure.range) {
-            if !(low < high) {
+            if low.partial_cmp(&high) != Some(std::cmp::Ordering::Less) {
                 let found = format!("from {low} to {high}");
                 return Err(EmitError::request("measures", &found, "a range that rises"));
             }

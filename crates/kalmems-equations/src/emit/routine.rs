@@ -177,8 +177,17 @@ impl Routine {
 
     /// How many operations of each kind it has: sums, products, divisions, calls and choices.
     pub(super) fn counts(&self) -> [usize; 5] {
+        self.counts_where(|_| true)
+    }
+
+    /// How many of these are in numbers of 64 bits; functions have 32.
+    pub(super) fn wide_counts(&self) -> [usize; 5] {
+        self.counts_where(|id| self.is_wide(id))
+    }
+
+    fn counts_where(&self, is_counted: impl Fn(TapeId) -> bool) -> [usize; 5] {
         let mut counts = [0; 5];
-        for id in self.tape.below(&self.roots()) {
+        for id in self.tape.below(&self.roots()).into_iter().filter(|id| is_counted(*id)) {
             let place = match self.tape.op(id) {
                 TapeOp::Literal(_) | TapeOp::Name(_) => continue,
                 TapeOp::Add(..) | TapeOp::Subtract(..) | TapeOp::Negative(_) => 0,

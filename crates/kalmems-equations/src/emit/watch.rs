@@ -11,7 +11,7 @@ mod rules {
     include!("rust/loss.rs");
 }
 
-pub(super) use rules::{Beginning, InnovationWatch, KeptRecord, Recovery, WatchRules, is_alike};
+pub(super) use rules::{Beginning, InnovationWatch, KeptRecord, LossOutcome, WatchRules, is_alike};
 
 /// The text of it.
 pub(super) const IN_RUST: &str = include_str!("rust/watch.rs");

@@ -114,10 +114,7 @@ fn sign_and_phase_are_kept_through_a_loss_of_the_signal() {
                 said.status.last().unwrap(),
                 said.begun
             );
-            assert!(
-                said.status[LOSS..LOSS + length].iter().any(|status| *status == LOST),
-                "{name} is not lost"
-            );
+            assert!(said.status[LOSS..LOSS + length].contains(&LOST), "{name} is not lost");
         }
         for (language, said) in &all {
             let found = apart(&case, &request, [&said.values, &clean], &sd);

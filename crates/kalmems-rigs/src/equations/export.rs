@@ -23,14 +23,14 @@ use crate::estimate::{
     SampleSelection, Sensor, StateSeries, Tracked, Trajectory, Transition, largest_nis, memory_samples,
 };
 use crate::export::{
-    ExportError, ExportRequest, Exported, SourceDigits, SourceLanguage, SourceTrial, c_name, checksum,
-    heading, place_of_filter,
+    ExportError, ExportRequest, Exported, SourceCost, SourceDigits, SourceLanguage, SourceTrial, c_name,
+    checksum, heading, place_of_filter,
 };
 use crate::recording::{SampledRecording, Segment};
 use crate::units::{Value, kind};
 use kalmems_equations::{
-    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmitWatch, FreeParameter,
-    InputCourse, SettledGain, StateStart, StepMethod, TestSample, TestVectors,
+    EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmitWatch, EmittedFilter,
+    FreeParameter, InputCourse, SettledGain, StateStart, StepMethod, TestSample, TestVectors,
 };
 
 /// The largest difference from what the library's filter says, relative to the largest size of each state, with which a source still
@@ -237,6 +237,7 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
             share,
         });
     }
+    let cost = cost(&files, emitted.measures.len());
     let trial = request.verify.then(|| SourceTrial {
         given: recorded.iter().map(|sample| numbers_of(sample, &files.inputs)).collect(),
         expected: recorded
@@ -250,8 +251,20 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
     });
     let mut exported =
         Exported::of(experiment, request, (filter.basics.name.clone(), interval_s), files.files);
-    exported.trial = trial;
+    (exported.trial, exported.cost) = (trial, Some(cost));
     Ok(exported)
+}
+
+/// What a step of it takes.
+fn cost(files: &EmittedFilter, measurements: usize) -> SourceCost {
+    let [all, wide] = [files.operations, files.wide_operations];
+    SourceCost {
+        in_32_bits: std::array::from_fn(|k| all[k] - wide[k]),
+        in_64_bits: wide,
+        numbers: files.numbers,
+        measurements,
+        bytes: files.bytes,
+    }
 }
 
 /// The numbers of a sample as the program of a source reads them.

@@ -7,7 +7,7 @@ use crate::emit::filter::FilterProgram;
 use crate::emit::request::EmitRequest;
 use std::fmt::Write as _;
 
-/// Their places.
+/// The enumeration of their places.
 pub(super) fn places(request: &EmitRequest, states: &[StateAccess]) -> String {
     let upper = request.name.to_uppercase();
     let places: Vec<String> = states.iter().map(|state| format!("    {upper}_{}", state.constant)).collect();
@@ -28,7 +28,7 @@ pub(super) fn declarations(request: &EmitRequest, program: &FilterProgram, state
     text
 }
 
-/// The functions.
+/// The functions that read and write their means in SI.
 pub(super) fn functions(
     text: &mut String,
     request: &EmitRequest,

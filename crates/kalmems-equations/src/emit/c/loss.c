@@ -64,7 +64,7 @@ static int is_alike(const @name@_t *filter)
     return product > 0.0F && product * product > 0.25F * own * kept;
 }
 
-/* Behind a sample with an open gate: the filter goes on from what it has kept where that predicts the signal, and begins again where it is lost. */
+/* After a sample with an open gate: the filter goes on from what it has kept if that predicts the signal, and begins again if it is lost. */
 static void recover(@name@_t *filter)
 {
     unsigned k, most = 0U;

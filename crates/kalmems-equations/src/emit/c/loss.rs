@@ -1,4 +1,4 @@
-//! What a filter in C99 does where it has lost its signal or its numbers.
+//! What a filter in C99 does once it has lost its signal or its numbers.
 
 use super::kind;
 use crate::emit::filter::FilterProgram;

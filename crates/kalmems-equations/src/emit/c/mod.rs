@@ -4,6 +4,7 @@ mod accessors;
 mod functions;
 mod header;
 mod loss;
+mod parameters;
 mod steps;
 
 use super::error::EmitError;

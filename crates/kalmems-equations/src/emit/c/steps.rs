@@ -1,9 +1,8 @@
 //! What is around the routines in C99: start, parameters, and steps that are taken whole or not at all.
 
-use super::{C, accessors, float, kind, loss, number};
+use super::{accessors, float, kind, loss, number, parameters};
 use crate::device::Device;
 use crate::emit::accessors::state_accesses;
-use crate::emit::crc;
 use crate::emit::error::EmitError;
 use crate::emit::filter::FilterProgram;
 use crate::emit::interface::{CallTargets, Interface, UpdateFunction, further};
@@ -20,8 +19,7 @@ pub(super) fn finish(
 ) -> Result<(), EmitError> {
     let name = &request.name;
     let size = request.size();
-    let (mean, covariance) = &program.start;
-    let widths = program.widths;
+    let (covariance, widths) = (&program.start.1, program.widths);
     // The sum is looked at for what is not a number, to which 32 bits are enough.
     let narrow = |wide: bool| if wide { "(float)" } else { "" };
     let arrays: Vec<String> = (0..size)
@@ -37,45 +35,23 @@ pub(super) fn finish(
         arrays.join("\n                      + ")
     );
     if let Some(configure) = &program.configure {
-        let written = configure.written(&C)?;
-        *text += &crc::IN_C.replace("@name@", name).replace("@NAME@", &name.to_uppercase());
-        let _ = write!(text, "\nvoid {name}_default_parameters({name}_parameters_t *parameters)\n{{\n");
-        for (field, _, value) in Interface::parameters(device, request, program) {
-            let _ = writeln!(text, "    parameters->{field} = {value:?};");
-        }
-        let _ = writeln!(text, "    {name}_seal_parameters(parameters);");
-        let _ = write!(
-            text,
-            "}}\n\nint {name}_configure({name}_t *filter, const {name}_parameters_t *parameters)\n{{\n"
-        );
-        let count = configure.outputs.len();
-        let names = configure.names();
-        for (field, _, _) in Interface::parameters(device, request, program) {
-            if names.contains(&field) {
-                let _ = writeln!(text, "    const double {field} = parameters->{field};");
-            }
-        }
-        if names.is_empty() {
-            text.push_str("    (void)parameters;\n");
-        }
-        let of_constants = kind(widths.constants);
-        let _ = writeln!(
-            text,
-            "    {of_constants} constants[{}];\n    float sum = 0.0F;\n    unsigned k;",
-            count.max(1)
-        );
-        for statement in &written.statements {
-            let _ = writeln!(text, "    {statement}");
-        }
-        for (_, place, value) in &written.outputs {
-            let _ = writeln!(text, "    constants[{place}] = {value};");
-        }
-        let _ = write!(
-            text,
-            "    for (k = 0; k < {count}U; k++) {{\n        sum += (float)constants[k];\n    }}\n    if (!(sum - sum == 0.0F)) {{\n        return 0;\n    }}\n    \
-             for (k = 0; k < {count}U; k++) {{\n        filter->constants[k] = constants[k];\n    }}\n    return 1;\n}}\n"
-        );
+        parameters::functions(text, (device, request, program), configure)?;
     }
+    start(text, request, program, interface)?;
+    steps(text, device, request, program, interface)?;
+    answers(text, request, program);
+    accessors::functions(text, request, program, &state_accesses(device, request, program))
+}
+
+/// Where a filter starts.
+fn start(
+    text: &mut String,
+    request: &EmitRequest,
+    program: &FilterProgram,
+    interface: &Interface,
+) -> Result<(), EmitError> {
+    let (name, widths) = (&request.name, program.widths);
+    let (mean, covariance) = &program.start;
     let _ =
         write!(text, "\n/* The first state. */\nWITHIN void first({name}_t *filter)\n{{\n    unsigned k;\n");
     for (array, values, wide) in [("mean", mean, widths.mean), ("covariance", covariance, widths.covariance)]
@@ -123,9 +99,7 @@ pub(super) fn finish(
         );
     }
     text.push_str("}\n");
-    steps(text, device, request, program, interface)?;
-    answers(text, request, program);
-    accessors::functions(text, request, program, &state_accesses(device, request, program))
+    Ok(())
 }
 
 /// What a program asks of a filter.
@@ -231,16 +205,9 @@ fn within(
     Ok(())
 }
 
-/// The functions that predict and correct, each whole or not at all.
-fn steps(
-    text: &mut String,
-    device: &Device,
-    request: &EmitRequest,
-    program: &FilterProgram,
-    interface: &Interface,
-) -> Result<(), EmitError> {
+/// What is made of the numbers that a function is given.
+fn given(text: &mut String, request: &EmitRequest, interface: &Interface) {
     let name = &request.name;
-    *text += &loss::restart(request);
     if !interface.step.is_empty() {
         let _ = write!(
             text,
@@ -259,6 +226,46 @@ fn steps(
              if (filter->saturated[measurement] + 1U != 0U) {{\n        filter->saturated[measurement]++;\n    }}\n    return nothing();\n}}\n"
         );
     }
+}
+
+/// The prediction over an interval; `held` are the statements before it.
+fn predicts(
+    text: &mut String,
+    request: &EmitRequest,
+    program: &FilterProgram,
+    (predict, held_first): (&str, &str),
+    interface: &Interface,
+) {
+    let (name, handed) = (&request.name, further(&interface.predict, "", ""));
+    let declared = Interface::arguments(name, &interface.predict, &[]);
+    let _ = if request.begins_again() {
+        let kept = CallTargets { state: "&filter->kept.state", watch: "", constants: "filter->constants" };
+        let kept = program.predict.call("predict_alone", &kept, &interface.predict);
+        write!(
+            text,
+            "\nint {name}_predict({declared})\n{{\n{held_first}    if (is_kept(filter)) {{\n        {kept};\n    }}\n    \
+             return predicted(filter{handed});\n}}\n"
+        )
+    } else {
+        write!(
+            text,
+            "\nint {name}_predict({declared})\n{{\n    {name}_state_t next = filter->state;\n{held_first}    {predict};\n    \
+             if (take(filter, &next)) {{\n        return 1;\n    }}\n    restart(filter);\n    return 0;\n}}\n"
+        )
+    };
+}
+
+/// The functions that predict and correct, each whole or not at all.
+fn steps(
+    text: &mut String,
+    device: &Device,
+    request: &EmitRequest,
+    program: &FilterProgram,
+    interface: &Interface,
+) -> Result<(), EmitError> {
+    let name = &request.name;
+    *text += &loss::restart(request);
+    given(text, request, interface);
     let ranged = |measured: &[String]| {
         interface.ranged(request, measured, |name, place, [low, high]| {
             let (low, high) = (float(low)?, float(high)?);
@@ -280,23 +287,7 @@ fn steps(
     let way = if request.parts > 1 { "advance" } else { "predict" };
     let predict = program.predict.call(way, &targets, &interface.predict);
     let handed = further(&interface.predict, "", "");
-    let declared = Interface::arguments(name, &interface.predict, &[]);
-    let held_first = held(&interface.predict);
-    let _ = if begins_again {
-        let kept = CallTargets { state: "&filter->kept.state", ..targets };
-        let kept = program.predict.call("predict_alone", &kept, &interface.predict);
-        write!(
-            text,
-            "\nint {name}_predict({declared})\n{{\n{held_first}    if (is_kept(filter)) {{\n        {kept};\n    }}\n    \
-             return predicted(filter{handed});\n}}\n"
-        )
-    } else {
-        write!(
-            text,
-            "\nint {name}_predict({declared})\n{{\n    {name}_state_t next = filter->state;\n{held_first}    {predict};\n    \
-             if (take(filter, &next)) {{\n        return 1;\n    }}\n    restart(filter);\n    return 0;\n}}\n"
-        )
-    };
+    predicts(text, request, program, (&*predict, &*held(&interface.predict)), interface);
     let mut calls = Vec::new();
     for update in UpdateFunction::all(interface, (device, request), program) {
         let of = &update.name;

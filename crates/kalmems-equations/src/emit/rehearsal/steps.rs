@@ -4,7 +4,7 @@ use super::{POINTS, Rehearsal, RehearsedEstimate, RehearsedState, narrow, rounde
 use crate::emit::names::SourceNames;
 use crate::emit::request::TestSample;
 use crate::emit::routine::{Routine, StorageArray};
-use crate::emit::watch::{Beginning, InnovationWatch, KeptRecord, Recovery, is_alike};
+use crate::emit::watch::{Beginning, InnovationWatch, KeptRecord, LossOutcome, is_alike};
 use std::collections::HashMap;
 
 impl RehearsedEstimate {
@@ -67,7 +67,7 @@ impl Rehearsal<'_> {
         }
     }
 
-    /// Takes over a state that is finite, or else the prediction alone; begins again where that is none.
+    /// Takes over a state that is finite, or else the prediction alone; begins again if that is not finite either.
     fn take(&self, state: &mut RehearsedState, mut next: RehearsedEstimate, sample: &TestSample) {
         if !next.is_finite() {
             next.clone_from(&state.estimate);
@@ -101,12 +101,12 @@ impl Rehearsal<'_> {
         let means = |(own, kept): (&f64, &f64)| [*own as f32, *kept as f32];
         let is_alike = is_alike(state.estimate.mean.iter().zip(&state.kept.mean).map(means));
         match state.record.recovery(&self.rules, &state.watches, is_finite, is_alike) {
-            Recovery::None | Recovery::GivenUp => {}
-            Recovery::Kept => {
+            LossOutcome::None | LossOutcome::GivenUp => {}
+            LossOutcome::Kept => {
                 state.estimate.clone_from(&state.kept);
                 state.watches.fill(self.rules.settled());
             }
-            Recovery::Again => self.restart(state),
+            LossOutcome::Again => self.restart(state),
         }
     }
 

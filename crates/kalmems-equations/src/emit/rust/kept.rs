@@ -1,4 +1,4 @@
-//! What a filter in Rust does where it has lost its signal or its numbers.
+//! What a filter in Rust does once it has lost its signal or its numbers.
 
 use super::{kind, typed};
 use crate::emit::filter::FilterProgram;
@@ -6,19 +6,19 @@ use crate::emit::interface::{CallTargets, Interface, UpdateFunction, further};
 use crate::emit::request::EmitRequest;
 use std::fmt::Write as _;
 
-/// What becomes of a filter behind a sample.
+/// What becomes of a filter after a sample.
 const RECOVER: &str = "
-    /// Goes on from the state that is kept where that predicts the signal, and begins again where the filter is lost.
+    /// Goes on from the state that is kept if that predicts the signal, and begins again if the filter is lost.
     fn recover(&mut self) {
         let means = self.state.mean.iter().zip(&self.kept.mean).map(|(own, kept)| [*own as f32, *kept as f32]);
         match self.loss.recovery(&RULES, &self.watch, is_finite(&self.kept), is_alike(means)) {
-            Recovery::None => {}
-            Recovery::Kept => {
+            LossOutcome::None => {}
+            LossOutcome::Kept => {
                 self.state = self.kept;
                 self.watch = [RULES.settled(); MEASUREMENTS];
             }
-            Recovery::Again => self.restart(),
-            Recovery::GivenUp => self.begun = self.begun.wrapping_add(1),
+            LossOutcome::Again => self.restart(),
+            LossOutcome::GivenUp => self.begun = self.begun.wrapping_add(1),
         }
     }
 

@@ -1,6 +1,6 @@
-/// Samples within the bound behind which a state that is kept takes one.
+/// Samples within the bound after which a state that is kept takes one.
 pub const UNSUSPECTED: u32 = 16;
-/// The share of samples beyond the bound with which a filter goes on from means that it kept: its gate closes soon where they are right.
+/// The share of samples beyond the bound with which a filter goes on from means that it kept: its gate closes soon if they are right.
 const ANEW: f32 = 0.07;
 
 impl WatchRules {
@@ -15,20 +15,20 @@ impl WatchRules {
         samples.saturating_mul(measurements as u32)
     }
 
-    /// A watch behind the settling time.
+    /// A watch after the settling time.
     pub fn settled(&self) -> InnovationWatch {
         InnovationWatch { seen: self.settling, ..InnovationWatch::NEW }
     }
 
-    /// A watch behind the settling time, whose gate is open.
+    /// A watch after the settling time, whose gate is open.
     pub fn anew(&self) -> InnovationWatch {
         InnovationWatch { beyond: ANEW, open: 1, ..self.settled() }
     }
 }
 
-/// What becomes of a filter whose gate is open, behind a sample.
+/// What becomes of a filter whose gate is open, after a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Recovery {
+pub enum LossOutcome {
     /// It goes on.
     None,
     /// It goes on from the state that it has kept.
@@ -42,7 +42,7 @@ pub enum Recovery {
 /// What is known of a state that is kept through a loss of the signal: that of the filter as its gate opened, which is predicted on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KeptRecord {
-    /// 0 where nothing is kept, or samples since then.
+    /// 0 if nothing is kept, or samples since then.
     pub age: u32,
     /// Samples in a row that it predicts within the bound.
     pub agrees: u32,
@@ -89,7 +89,7 @@ impl KeptRecord {
         self.age > 0 || watches.iter().any(|watch| watch.open > 0)
     }
 
-    /// Whether the gate has opened just now: the state before the correction is to be kept.
+    /// Whether the gate has opened just now: the filter keeps its state before the correction.
     pub fn opens(&mut self, rules: &WatchRules, watches: &[InnovationWatch]) -> bool {
         let opens = self.age == 0 && watches.iter().any(|watch| watch.open > 0 && watch.seen >= rules.settling);
         if opens {
@@ -113,38 +113,38 @@ impl KeptRecord {
         }
     }
 
-    /// What becomes of the filter behind a sample with an open gate, where the numbers of the kept state are finite or not, and its means are like those
-    /// of the filter or not.
+    /// What becomes of the filter after a sample with an open gate; whether the numbers of the kept state are finite, and its means like those
+    /// of the filter, is given.
     pub fn recovery(
         &mut self,
         rules: &WatchRules,
         watches: &[InnovationWatch],
         is_finite: bool,
         is_alike: bool,
-    ) -> Recovery {
+    ) -> LossOutcome {
         let most = watches.iter().map(|watch| watch.open).max().unwrap_or(0);
         if self.is_kept(rules) {
             self.alike = if most == 0 && is_alike { self.alike + 1 } else { 0 };
             if self.agrees >= rules.agrees(watches.len()) && is_finite {
                 self.age = 0;
-                return Recovery::Kept;
+                return LossOutcome::Kept;
             }
             if self.alike >= rules.agrees(watches.len()) {
                 self.age = 0;
-                return Recovery::None;
+                return LossOutcome::None;
             }
             if most < rules.lost {
                 self.age += 1;
-                return if self.is_kept(rules) { Recovery::None } else { Recovery::GivenUp };
+                return if self.is_kept(rules) { LossOutcome::None } else { LossOutcome::GivenUp };
             }
         }
         if most >= rules.lost {
-            return Recovery::Again;
+            return LossOutcome::Again;
         }
         if most == 0 {
             self.age = 0;
         }
-        Recovery::None
+        LossOutcome::None
     }
 
     /// Where a filter begins again: in turn with what is kept and as at the start.

@@ -180,15 +180,8 @@ fn within(
     Ok(())
 }
 
-/// The prediction, the corrections and a whole step.
-fn steps(
-    text: &mut String,
-    device: &Device,
-    request: &EmitRequest,
-    program: &FilterProgram,
-    interface: &Interface,
-) -> Result<(), EmitError> {
-    text.push_str(kept::restart(request));
+/// What is made of the numbers that a function is given.
+fn given(text: &mut String, request: &EmitRequest, interface: &Interface) {
     if !interface.step.is_empty() {
         text.push_str(
             "\n    /// An input; where it is not a number, the last one that was: time goes on.\n    #[inline(always)]\n    \
@@ -196,9 +189,6 @@ fn steps(
              } else {\n            self.missing = self.missing.saturating_add(1);\n        }\n        self.inputs[place]\n    }\n",
         );
     }
-    let held = |inputs: &[String]| {
-        interface.held(inputs, |name, place| format!("        let {name} = self.held({place}, {name});\n"))
-    };
     if request.has_range() {
         text.push_str(
             "\n    /// A sample; at an end of its range or beyond, it is a gap.\n    #[inline(always)]\n    \
@@ -208,6 +198,53 @@ fn steps(
              if is_at_end { f32::NAN } else { value }\n    }\n",
         );
     }
+}
+
+/// The prediction over an interval; `held` are the statements before it.
+fn predicts(
+    text: &mut String,
+    request: &EmitRequest,
+    program: &FilterProgram,
+    (predict, held): (&str, &str),
+    interface: &Interface,
+) {
+    let handed = interface.predict.join(", ");
+    let predicts = if request.begins_again() {
+        let kept = CallTargets { state: "&mut self.kept", watch: "", constants: "&self.constants" };
+        format!(
+            "        if self.loss.is_kept(&RULES) {{\n            {};\n        }}\n        self.predicted({handed})\n",
+            program.predict.call("predict_alone", &kept, &interface.predict)
+        )
+    } else {
+        format!(
+            "        let mut next = self.state;\n        {predict};\n        \
+             if self.take(&next) {{\n            return true;\n        }}\n        self.restart();\n        false\n"
+        )
+    };
+    let _ = write!(
+        text,
+        "\n    /// One interval on. An input that is not a number is taken for the last one that was. True where it was taken; false where the\n    \
+         /// result would not be finite, and the filter has begun again.\n    \
+         ///\n{}    pub fn predict(&mut self{}) -> bool {{\n{}{predicts}    }}\n",
+        interface.inputs("    /// "),
+        typed(&interface.predict),
+        held
+    );
+}
+
+/// The prediction, the corrections and a whole step.
+fn steps(
+    text: &mut String,
+    device: &Device,
+    request: &EmitRequest,
+    program: &FilterProgram,
+    interface: &Interface,
+) -> Result<(), EmitError> {
+    text.push_str(kept::restart(request));
+    given(text, request, interface);
+    let held = |inputs: &[String]| {
+        interface.held(inputs, |name, place| format!("        let {name} = self.held({place}, {name});\n"))
+    };
     let ranged = |measured: &[String]| {
         interface.ranged(request, measured, |name, place, [low, high]| {
             let (low, high) = (float(low)?, float(high)?);
@@ -228,27 +265,7 @@ fn steps(
     let way = if request.parts > 1 { "advance" } else { "predict" };
     let predict = program.predict.call(way, &targets, &interface.predict);
     let handed = interface.predict.join(", ");
-    let predicts = if begins_again {
-        let kept = CallTargets { state: "&mut self.kept", ..targets };
-        format!(
-            "        if self.loss.is_kept(&RULES) {{\n            {};\n        }}\n        self.predicted({handed})\n",
-            program.predict.call("predict_alone", &kept, &interface.predict)
-        )
-    } else {
-        format!(
-            "        let mut next = self.state;\n        {predict};\n        \
-             if self.take(&next) {{\n            return true;\n        }}\n        self.restart();\n        false\n"
-        )
-    };
-    let _ = write!(
-        text,
-        "\n    /// One interval on. An input that is not a number is taken for the last one that was. True where it was taken; false where the\n    \
-         /// result would not be finite, and the filter has begun again.\n    \
-         ///\n{}    pub fn predict(&mut self{}) -> bool {{\n{}{predicts}    }}\n",
-        interface.inputs("    /// "),
-        typed(&interface.predict),
-        held(&interface.predict)
-    );
+    predicts(text, request, program, (&*predict, &*held(&interface.predict)), interface);
     let mut calls = String::new();
     for update in UpdateFunction::all(interface, (device, request), program) {
         let what = update.description("`");
@@ -306,7 +323,13 @@ fn steps(
         typed(&all),
         held(&interface.step) + &ranged(&interface.measured)?
     );
-    let lost = if begins_again { "self.begun > 0 || self.loss.age > 0" } else { "self.begun > 0" };
+    answers(text, request);
+    Ok(())
+}
+
+/// What a program asks of a filter.
+fn answers(text: &mut String, request: &EmitRequest) {
+    let lost = if request.begins_again() { "self.begun > 0 || self.loss.age > 0" } else { "self.begun > 0" };
     let mut arms = String::new();
     if request.has_range() {
         arms += "            SignalStatus::Following | SignalStatus::LeftOut if self.saturated[measurement] > 0 => SignalStatus::Saturated,\n";
@@ -330,5 +353,4 @@ fn steps(
          /// The variances of these by the filter, in SI.\n    pub fn innovation_variances(&self) -> [f32; MEASUREMENTS] {{\n        \
          core::array::from_fn(|k| DEVIATION[k] * DEVIATION[k] * self.watch[k].variance)\n    }}\n"
     );
-    Ok(())
 }

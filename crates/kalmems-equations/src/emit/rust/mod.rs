@@ -3,9 +3,9 @@
 mod accessors;
 mod kept;
 mod methods;
+mod parameters;
 mod tables;
 
-use super::crc;
 use super::error::EmitError;
 use super::filter::FilterProgram;
 use super::interface::{Interface, UpdateFunction, further};
@@ -145,18 +145,7 @@ pub(super) fn files(
     );
     let constants = program.configure.as_ref().map(|configure| configure.outputs.len());
     if constants.is_some() {
-        text += "\n/// Parameters that may change while the program runs, in SI, and what tells whether they are whole.\n#[derive(Clone, Copy, Debug)]\n\
-                 pub struct Parameters {\n    version: u32,\n    experiment: u32,\n";
-        for (field, unit, _) in Interface::parameters(device, request, program) {
-            let _ = write!(text, "    /// {unit}\n    pub {field}: f64,\n");
-        }
-        text += "    crc: u32,\n}\n\nimpl Default for Parameters {\n    fn default() -> Self {\n        \
-                 let mut parameters = Self { version: 0, experiment: 0, crc: 0,";
-        for (field, _, value) in Interface::parameters(device, request, program) {
-            let _ = write!(text, " {field}: {value:?},");
-        }
-        text += " };\n        parameters.seal();\n        parameters\n    }\n}\n";
-        text += &sealed(&Interface::parameters(device, request, program), request.experiment);
+        text += &parameters::types(&Interface::parameters(device, request, program), request.experiment);
     }
     let of_constants = kind(program.widths.constants);
     let field =
@@ -189,19 +178,7 @@ pub(super) fn files(
         text += CHOICE;
     }
     text += &Rust.functions(device, &called)?.replace("pub(super) fn", "fn");
-    if let Some(stage) = &program.stage {
-        let written = stage.written(&Rust)?;
-        let of_stage = kind(program.widths.stage);
-        let parameters: Vec<String> = stage.parameters.iter().map(|p| format!("{p}: {of_stage}")).collect();
-        let count = stage.outputs.len();
-        let _ = write!(
-            text,
-            "\n/// What one stage needs: rates per sample and their derivatives.\nfn stage({}) -> [{of_stage}; {count}] {{\n    let mut to = [0.0; {count}];\n",
-            parameters.join(", ")
-        );
-        text += &written.body(ArrayNames::STAGE, "");
-        text += "    to\n}\n";
-    }
+    stage(&mut text, program)?;
     core(&mut text, program, &interface, (&program.predict, "predict"), (&interface.part, &[]))?;
     for update in UpdateFunction::all(&interface, (device, request), program) {
         let (function, handed) = ((update.routine, &*update.name), (&*update.inputs, &update.measured[..]));
@@ -214,42 +191,22 @@ pub(super) fn files(
     Ok(vec![(format!("{}.rs", request.name), text)])
 }
 
-/// Version, experiment and checksum of parameters.
-fn sealed(parameters: &[(String, String, f64)], experiment: u32) -> String {
-    let fields: Vec<String> = parameters.iter().map(|(field, ..)| field.clone()).collect();
-    let size = 8 * (1 + fields.len());
-    let mut text = format!(
-        "\nimpl Parameters {{\n    /// What the names of the parameters are known by.\n    pub const VERSION: u32 = 0x{:08X};\n    \
-         /// What the experiment is known by.\n    pub const EXPERIMENT: u32 = 0x{experiment:08X};\n    /// How many bytes they are.\n    \
-         pub const SIZE: usize = {};\n\n    fn sum(&self) -> u32 {{\n        let bytes = self.to_bytes();\n        \
-         crc32(bytes.split_at({size}).0)\n    }}\n\n    /// Writes version, experiment and checksum, before parameters that have changed go to a memory.\n    \
-         pub fn seal(&mut self) {{\n        self.version = Self::VERSION;\n        self.experiment = Self::EXPERIMENT;\n        \
-         self.crc = self.sum();\n    }}\n\n    /// Whether parameters from a memory are as they were sealed, and of this list and experiment.\n    \
-         pub fn are_whole(&self) -> bool {{\n        \
-         self.version == Self::VERSION && self.experiment == Self::EXPERIMENT && self.crc == self.sum()\n    }}\n\n    \
-         /// The bytes for a memory, those of C on a processor whose low bytes come first.\n    pub fn to_bytes(&self) -> [u8; Self::SIZE] {{\n        \
-         let mut bytes = [0; Self::SIZE];\n        bytes[..4].copy_from_slice(&self.version.to_le_bytes());\n        \
-         bytes[4..8].copy_from_slice(&self.experiment.to_le_bytes());\n",
-        crc::version(&fields),
-        size + 4
-    );
-    let places = (1..).map(|place| 8 * place).zip(&fields);
-    for (at, field) in places.clone() {
-        let _ =
-            writeln!(text, "        bytes[{at}..{}].copy_from_slice(&self.{field}.to_le_bytes());", at + 8);
+/// A stage of Runge and Kutta's method, if the program has one.
+fn stage(text: &mut String, program: &FilterProgram) -> Result<(), EmitError> {
+    if let Some(stage) = &program.stage {
+        let written = stage.written(&Rust)?;
+        let of_stage = kind(program.widths.stage);
+        let parameters: Vec<String> = stage.parameters.iter().map(|p| format!("{p}: {of_stage}")).collect();
+        let count = stage.outputs.len();
+        let _ = write!(
+            text,
+            "\n/// What one stage needs: rates per sample and their derivatives.\nfn stage({}) -> [{of_stage}; {count}] {{\n    let mut to = [0.0; {count}];\n",
+            parameters.join(", ")
+        );
+        *text += &written.body(ArrayNames::STAGE, "");
+        *text += "    to\n}\n";
     }
-    let _ = write!(
-        text,
-        "        bytes[{size}..].copy_from_slice(&self.crc.to_le_bytes());\n        bytes\n    }}\n\n    /// What was kept as these bytes; ask whether it is whole.\n    \
-         pub fn from_bytes(bytes: &[u8; Self::SIZE]) -> Self {{\n        let word = |at: usize| core::array::from_fn(|k| bytes[at + k]);\n        \
-         let number = |at: usize| core::array::from_fn(|k| bytes[at + k]);\n        Self {{\n            version: u32::from_le_bytes(word(0)),\n            \
-         experiment: u32::from_le_bytes(word(4)),\n"
-    );
-    for (at, field) in places {
-        let _ = writeln!(text, "            {field}: f64::from_le_bytes(number({at})),");
-    }
-    let _ = write!(text, "            crc: u32::from_le_bytes(word({size})),\n        }}\n    }}\n}}\n\n");
-    text + crc::IN_RUST
+    Ok(())
 }
 
 /// The rules by which its innovations are watched.
