@@ -92,7 +92,7 @@ fn what_is_no_angle_is_refused_by_name() {
     assert!(no_state.contains("tilt"), "{no_state}");
     let no_angle = refused(ANGLES, &with_angles("rate = \"angle\""));
     assert!(no_angle.contains("expected an angle"), "{no_angle}");
-    // Without an angle there is nothing whose errors could be told in parts.
+    // Without an angle there is nothing whose errors has parts.
     let without = equations.replace(ANGLES, "");
     let refused = |left_out: &str| {
         let text = without.replace(left_out, "");
@@ -102,7 +102,7 @@ fn what_is_no_angle_is_refused_by_name() {
         }
     };
     let of_parts = refused("first_peak = \"positive\"\n");
-    assert!(of_parts.contains("no angle whose error could be told in parts"), "{of_parts}");
+    assert!(of_parts.contains("no angle whose error has parts"), "{of_parts}");
     let of_sign = refused("parts = 3\n");
     assert!(of_sign.contains("it is the sign of an angle"), "{of_sign}");
 }
