@@ -243,17 +243,25 @@ fn near(series: &Series) -> Option<Record> {
     let mut last = None;
     let mut run = |points: &mut dyn Iterator<Item = (f64, [f64; 2])>| {
         // Between two runs there is a gap.
-        last.into_iter().for_each(|x| track.push(x, &[f64::NAN; 2]));
+        if let Some(x) = last {
+            track.push(x, &[f64::NAN; 2]);
+        }
         for (x, values) in points {
             track.push(x, &values);
             last = Some(x);
         }
     };
     match series.shape() {
-        Shape::Line(runs) => runs.iter().for_each(|one| run(&mut one.iter().map(|[x, y]| (*x, [*y; 2])))),
+        Shape::Line(runs) => {
+            for one in runs {
+                run(&mut one.iter().map(|[x, y]| (*x, [*y; 2])));
+            }
+        }
         Shape::Points(points) => run(&mut points.iter().map(|[x, y]| (*x, [*y; 2]))),
         Shape::Band(runs) => {
-            runs.iter().for_each(|one| run(&mut one.iter().map(|[x, low, high]| (*x, [*low, *high]))));
+            for one in runs {
+                run(&mut one.iter().map(|[x, low, high]| (*x, [*low, *high])));
+            }
         }
         Shape::Level(_) | Shape::Map(_) => {}
     }

@@ -297,6 +297,33 @@ fn gains(causes: &[CauseReport], needed: f64) -> Figure {
     Figure::new("gains", "Gain of each cause", caption).with(panel)
 }
 
+/// Each cause with what to write, and what that does to the answer.
+fn table_of_causes(causes: &[CauseReport]) -> TextTable {
+    let columns = [
+        ColumnHead::text("cause"),
+        ColumnHead::number("gain", "ln p"),
+        ColumnHead::text("what to write"),
+        ColumnHead::text("effect on the answer"),
+    ];
+    let mut table = TextTable::new("", columns);
+    for cause in causes {
+        let edits = cause.edits.iter().map(|Edit { key, from, to, .. }| {
+            let was = from.as_ref().map_or_else(|| "new".to_owned(), |from| format!("was {from}"));
+            format!("`{key} = {to}` ({was})")
+        });
+        let states = cause.as_states().map(|states| format!("or {states}"));
+        let write = edits
+            .chain(states)
+            .chain(cause.remedy.clone())
+            .chain(cause.withheld.clone())
+            .collect::<Vec<_>>()
+            .join("; ");
+        let answer = cause.answer.as_ref().map(|answer| effect(answer, cause.answer_name, cause.answer_unit));
+        table.push([cause.name.clone(), format!("{:.0}", cause.gain), write, answer.unwrap_or_default()]);
+    }
+    table
+}
+
 /// The report of a diagnosis: the page's text, which needs nothing else.
 #[cfg(feature = "report")]
 pub fn diagnosis_page(found: &Diagnosis) -> Result<String, kalmems_figures::ReportError> {
@@ -351,28 +378,7 @@ fn page(found: &Diagnosis) -> Page {
     } else {
         (&found.causes, "What explains the recording")
     };
-    let columns = [
-        ColumnHead::text("cause"),
-        ColumnHead::number("gain", "ln p"),
-        ColumnHead::text("what to write"),
-        ColumnHead::text("effect on the answer"),
-    ];
-    let mut table = TextTable::new("", columns);
-    for cause in causes {
-        let edits = cause.edits.iter().map(|Edit { key, from, to, .. }| {
-            let was = from.as_ref().map_or_else(|| "new".to_owned(), |from| format!("was {from}"));
-            format!("`{key} = {to}` ({was})")
-        });
-        let states = cause.as_states().map(|states| format!("or {states}"));
-        let write = edits
-            .chain(states)
-            .chain(cause.remedy.clone())
-            .chain(cause.withheld.clone())
-            .collect::<Vec<_>>()
-            .join("; ");
-        let answer = cause.answer.as_ref().map(|answer| effect(answer, cause.answer_name, cause.answer_unit));
-        table.push([cause.name.clone(), format!("{:.0}", cause.gain), write, answer.unwrap_or_default()]);
-    }
+    let table = table_of_causes(causes);
     let mut answer = PageSection::new(title);
     if !table.rows.is_empty() {
         answer = answer.figure(gains(causes, found.needed)).table(table);

@@ -82,9 +82,14 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> TextTable {
     let value = value_column(metrics);
     // Without a reference there are no errors.
     let is_compared = metrics.estimators().any(|e| e.errors.is_some() || !e.values.is_empty());
-    match &value {
-        _ if !is_compared => {}
-        Some(value) => {
+    let compared = match &value {
+        _ if !is_compared => ComparedQuantity::Nothing,
+        Some(value) => ComparedQuantity::Value(value),
+        None => ComparedQuantity::Angles,
+    };
+    match compared {
+        ComparedQuantity::Nothing => {}
+        ComparedQuantity::Value(value) => {
             let unit = &value.unit;
             columns.extend([
                 ColumnHead::number(format!("{} RMSE", value.name), unit),
@@ -97,7 +102,7 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> TextTable {
                 ColumnHead::number("within ±3σ", "%"),
             ]);
         }
-        None => columns.extend([
+        ComparedQuantity::Angles => columns.extend([
             ColumnHead::number("angle RMSE", "deg"),
             ColumnHead::number("of p-p", "%"),
             ColumnHead::number("phase RMSE", "deg"),
@@ -119,7 +124,7 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> TextTable {
             for estimator in &segment.estimators {
                 let name = several.then(|| segment_name(&recording.name, segment));
                 let duration = with_durations.then(|| per_step(estimator.seconds_per_step));
-                let own = row(estimator, is_compared.then_some(value.as_ref()));
+                let own = row(estimator, compared);
                 table.push(name.clone().into_iter().chain(own).chain(duration));
                 for part in estimator.errors.iter().flat_map(|e| &e.parts) {
                     let duration = with_durations.then(String::new);
@@ -230,8 +235,16 @@ pub(super) fn shown(si: &'static str) -> (&'static str, f64) {
     }
 }
 
-/// The row of an estimator; `compared` is `None` if nothing was compared with a reference, else the quantity that was, or `None` for angles.
-fn row(estimator: &EstimatorMetrics, compared: Option<Option<&SummaryValueColumn>>) -> Vec<String> {
+/// What a summary compares with references.
+#[derive(Clone, Copy)]
+enum ComparedQuantity<'a> {
+    Nothing,
+    Angles,
+    Value(&'a SummaryValueColumn),
+}
+
+/// The row of an estimator.
+fn row(estimator: &EstimatorMetrics, compared: ComparedQuantity) -> Vec<String> {
     let consistency = estimator.consistency.as_ref();
     let errors = estimator.errors.as_ref();
     let name = match errors {
@@ -240,9 +253,9 @@ fn row(estimator: &EstimatorMetrics, compared: Option<Option<&SummaryValueColumn
     };
     let mut cells = vec![name];
     match compared {
-        None => {}
-        Some(Some(value)) => cells.extend(value_figures(estimator, value)),
-        Some(None) => cells.extend(figures(errors)),
+        ComparedQuantity::Nothing => {}
+        ComparedQuantity::Value(value) => cells.extend(value_figures(estimator, value)),
+        ComparedQuantity::Angles => cells.extend(figures(errors)),
     }
     cells.extend([
         consistency.map_or_else(|| "–".to_owned(), |c| nis(c.mean_nis)),

@@ -355,8 +355,7 @@ fn the_pictures_show_the_figures_beside_them() {
         if estimator.key == "ukf" {
             for id in ["angle_error", "nis"] {
                 let figure = figures.iter().find(|figure| figure.id == id).unwrap();
-                let labels =
-                    figure.panels.iter().flat_map(|panel| &panel.series).map(|series| series.label());
+                let labels = figure.panels.iter().flat_map(|panel| &panel.series).map(Series::label);
                 assert!(labels.into_iter().all(|label| label != "UKF"), "{id}");
                 assert!(figure.caption.contains("UKF agrees with EKF within 1 %"), "{}", figure.caption);
             }
