@@ -86,7 +86,7 @@ pub(super) fn answer(runs: &StudyRuns) -> Option<String> {
         format!("{} ({})", value_in_words(&value, end.median), place.collect::<Vec<_>>().join(", "))
     });
     let of = if plan.description.repeats > 1 { "medians of the repeats" } else { "all points" };
-    Some(format!("{}, {of}: from {least} to {most}", value.label))
+    Some(format!("{of}: from {least} to {most}"))
 }
 
 /// Lines over one axis, or points where its values are drawn by chance.
