@@ -291,9 +291,11 @@ const lookAt = (page, from, to) =>
   page.evaluate(
     async ([from, to]) => {
       window.anglePanel.link.show(from, to);
-      const covers = () => window.angleSeries.close?.covers;
-      for (let turn = 0; turn < 500 && !(covers()?.[0] <= from && covers()[1] >= to); turn++) await new Promise((done) => setTimeout(done, 10));
-      const { x, low, per } = window.angleSeries.close ?? window.angleSeries.samples;
+      const { nearby, samples } = window.angleSeries;
+      // Each sample of what is shown at first is on the page; the others are read.
+      const each = () => [nearby, window.angleSeries.close].find((one) => one?.covers[0] <= from && one.covers[1] >= to);
+      for (let turn = 0; turn < 500 && !each(); turn++) await new Promise((done) => setTimeout(done, 10));
+      const { x, low, per } = each() ?? samples;
       const within = [...x.keys()].filter((i) => x[i] >= from && x[i] <= to);
       return { per, x: within.map((i) => x[i]), low: within.map((i) => low[i]) };
     },
