@@ -51,7 +51,7 @@ impl Page {
         let sections: Vec<Value> = (order.iter().enumerate())
             .map(|(index, section)| {
                 let blocks: Vec<Value> =
-                    section.blocks.iter().map(|block| numbers.block(section, block)).collect();
+                    (0..section.blocks.len()).map(|place| numbers.block(section, place)).collect();
                 let anchor = format!("section-{}", index + 1);
                 context! { title => section.title.as_str(), anchor, is_folded => section.is_folded, blocks }
             })
@@ -173,7 +173,8 @@ struct PageNumbering {
 }
 
 impl PageNumbering {
-    fn block(&mut self, section: &PageSection, block: &PageBlock) -> Value {
+    fn block(&mut self, section: &PageSection, place: usize) -> Value {
+        let Some(block) = section.blocks.get(place) else { return Value::UNDEFINED };
         match block {
             PageBlock::Paragraph(text) => context! { kind => "paragraph", text => with_code(text) },
             PageBlock::Notice { severity, text } => self.notice(section.part, *severity, text),
@@ -213,6 +214,9 @@ impl PageNumbering {
             }
             PageBlock::Raster { png, alt, caption, bar } => context! {
                 kind => "raster",
+                // Those that follow each other stand next to one another.
+                begins => !is_raster(section.blocks.get(place.wrapping_sub(1))),
+                ends => !is_raster(section.blocks.get(place + 1)),
                 // Letters, digits, `+`, `/` and `=`.
                 data => Value::from_safe_string(STANDARD.encode(png)),
                 alt,
@@ -237,6 +241,10 @@ impl PageNumbering {
         }
         context! { kind => "notice", severity => severity.class(), word, text => with_code(text), anchor }
     }
+}
+
+fn is_raster(block: Option<&PageBlock>) -> bool {
+    matches!(block, Some(PageBlock::Raster { .. }))
 }
 
 /// What the series of a figure come to, in words and numbers.

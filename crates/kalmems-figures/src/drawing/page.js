@@ -975,13 +975,16 @@
       const inLog = (value) => (this.panel.y.log ? Math.log10(Math.max(value, low)) : value);
       const toX = (value) => ((value - first) / (last - first)) * width;
       const toY = (value) => (1 - (inLog(value) - inLog(low)) / (inLog(high) - inLog(low) || 1)) * (height - 4 * ratio) + 2 * ratio;
-      context.fillStyle = context.strokeStyle = colourOf(this.series);
+      context.fillStyle = context.strokeStyle = variable("--faint");
+      context.globalAlpha = 0.45;
       context.lineWidth = ratio;
       fillExtremes(context, this.series, samples, 0, samples.x.length, toX, toY, ratio);
       const { min, max } = this.panel.plot.scales.x;
-      const [left, right] = [toX(min), Math.max(toX(max), toX(min) + 3 * ratio)];
+      // However short it is, it is seen.
+      const narrow = Math.max(0, 6 * ratio - (toX(max) - toX(min))) / 2;
+      const [left, right] = [toX(min) - narrow, toX(max) + narrow];
       context.fillStyle = context.strokeStyle = variable("--note");
-      context.globalAlpha = 0.2;
+      context.globalAlpha = 0.35;
       context.fillRect(left, 0, right - left, height);
       context.globalAlpha = 1;
       context.strokeRect(left + ratio / 2, ratio / 2, Math.max(ratio, right - left - ratio), height - ratio);

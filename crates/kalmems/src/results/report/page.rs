@@ -112,7 +112,7 @@ fn verdict(metrics: &Metrics) -> PageSection {
     for answer in &metrics.answer {
         section = section.paragraph(answer);
     }
-    let short = notices_in_short(metrics, "below are");
+    let short = notices_in_short(metrics, "below:");
     for severity in [NoticeSeverity::Failure, NoticeSeverity::Warning, NoticeSeverity::Ok] {
         let own = short.iter().filter(|notice| notice.severity == severity);
         section = section.findings(severity, own.map(Notice::sentence).collect());
