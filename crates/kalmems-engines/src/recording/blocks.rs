@@ -2,7 +2,6 @@
 //! threads, when they are asked for.
 
 use super::ReadError;
-use super::lane::{LaneReceiver, LaneSender, NoItem, lane};
 use super::read::ReadProgress;
 use crate::progress::HAS_THREADS;
 use kalmems_formats::{Block, Digest, FormatError, Table, WantedColumn};
@@ -11,6 +10,7 @@ use std::fmt::Write as _;
 use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -89,11 +89,11 @@ impl Blocks {
             }
             let message = match &mut self.reader {
                 None => return Ok(None),
-                Some(BlockReader::Thread { filled, .. }) => match filled.receive_within(PATIENCE) {
+                Some(BlockReader::Thread { filled, .. }) => match filled.recv_timeout(PATIENCE) {
                     Ok(message) => message,
-                    Err(NoItem::Timeout) => continue,
+                    Err(RecvTimeoutError::Timeout) => continue,
                     // The thread always says how it ended.
-                    Err(NoItem::Closed) => return Ok(None),
+                    Err(RecvTimeoutError::Disconnected) => return Ok(None),
                 },
                 Some(BlockReader::Here { table, free }) => {
                     let block = free.take().unwrap_or_else(|| Block::with_capacity(self.capacity));
@@ -120,9 +120,7 @@ impl Blocks {
     pub(crate) fn reuse(&mut self, block: Block) {
         match &mut self.reader {
             // Where the thread has ended it needs none.
-            Some(BlockReader::Thread { emptied, .. }) => {
-                emptied.send(block);
-            }
+            Some(BlockReader::Thread { emptied, .. }) => drop(emptied.send(block)),
             Some(BlockReader::Here { free, .. }) => *free = Some(block),
             None => {}
         }
@@ -158,18 +156,18 @@ impl Blocks {
 /// Where the table is read.
 enum BlockReader {
     /// On a thread of its own, some blocks ahead.
-    Thread { filled: LaneReceiver<ReaderMessage>, emptied: LaneSender<Block>, thread: JoinHandle<()> },
+    Thread { filled: Receiver<ReaderMessage>, emptied: Sender<Block>, thread: JoinHandle<()> },
     /// Where the blocks are taken, when they are.
     Here { table: Box<dyn Table>, free: Option<Block> },
 }
 
 impl BlockReader {
     fn on_thread(mut table: Box<dyn Table>, path: &Path, capacity: usize) -> std::io::Result<Self> {
-        let (filled_in, filled) = lane();
-        let (emptied, emptied_in) = lane();
-        // No more blocks than these are ever on their way.
+        let (filled_in, filled) = sync_channel(AHEAD);
+        let (emptied, emptied_in) = channel();
         for _ in 0..AHEAD + 2 {
-            emptied.send(Block::with_capacity(capacity));
+            // The other end is in this function.
+            let _ = emptied.send(Block::with_capacity(capacity));
         }
         let of = path.to_owned();
         let thread = std::thread::Builder::new()
@@ -186,16 +184,11 @@ impl Drop for Blocks {
 }
 
 /// Reads until the end or until nobody listens.
-fn work(
-    table: &mut dyn Table,
-    path: &Path,
-    filled: &LaneSender<ReaderMessage>,
-    emptied: &LaneReceiver<Block>,
-) {
-    while let Some(block) = emptied.receive() {
+fn work(table: &mut dyn Table, path: &Path, filled: &SyncSender<ReaderMessage>, emptied: &Receiver<Block>) {
+    while let Ok(block) = emptied.recv() {
         let message = read(table, path, block);
         let last = !matches!(message, ReaderMessage::Block(..));
-        if !filled.send(message) || last {
+        if filled.send(message).is_err() || last {
             return;
         }
     }

@@ -38,7 +38,6 @@ mod error;
 mod finding;
 mod findings;
 pub(crate) mod label;
-mod lane;
 mod origin;
 mod pass;
 mod plan;
