@@ -29,7 +29,7 @@ fn near(found: f64, expected: f64, size: f64, tolerance: f64) -> bool {
     found == expected || (found - expected).abs() <= tolerance * (1.0 + size)
 }
 
-/// As many cases as are asked for with `PROPTEST_CASES`, 1000 at least, of fresh seeds.
+/// As many cases as are asked for with `PROPTEST_CASES`, 1000 at least.
 fn config() -> ProptestConfig {
     let usual = ProptestConfig::default();
     let cases = usual.cases.max(1000);
