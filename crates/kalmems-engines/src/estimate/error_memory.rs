@@ -38,28 +38,38 @@ const DISTINCT: f64 = 1e-12;
 /// Updates of a span at least.
 const SPAN: u32 = 1024;
 
-/// Follows how an error of now shows in the errors to come.
+/// Follows how errors of now show in the errors to come, one of each state.
 ///
-/// With the gain K and the step F the error goes over as \\((1 - K H) F\\), and \\((1 - K H) = P^+ (P^-)^{-1}\\) of a filter whose gain is
-/// the optimal one. So the covariance of the error at the beginning with that of now is carried on column by column, and
-/// its square, normalised, is summed up over time. Nothing of it knows what the errors are: an error that does not go away,
-/// such as that of a wrong scale, does not excuse itself by lasting.
+/// With the gain K and the step F the error goes over as \((1 - K H) F\), and \((1 - K H) = P^+ (P^-)^{-1}\) of a filter whose gain is
+/// the optimal one. So the covariance of an error with that of now is carried on, and its square, normalised, is summed up over time. Nothing of it
+/// knows what the errors are: an error that does not go away, such as that of a wrong scale, does not excuse itself by lasting.
 #[derive(Clone)]
 pub(super) struct ErrorMemory<const N: usize> {
-    state: MemoryState,
-    /// Cov(x_now, x_i then) of each state i that is followed.
-    columns: [[f64; N]; FOLLOWED],
-    variance: [f64; FOLLOWED],
-    /// Σ ρ²·Δt since the beginning, and the largest ρ² of a state with itself now.
-    sums_s: [f64; FOLLOWED],
-    left: f64,
-    began_s: f64,
+    followed: [FollowedError<N>; FOLLOWED],
     before_s: f64,
-    /// What is not given yet: when it began, and over the errors that were followed their time over how long each lasts.
+    /// When what is not given yet began, and its updates.
     span_began_s: f64,
     updates: u32,
+}
+
+/// An error of one state at some time.
+#[derive(Clone, Copy)]
+struct FollowedError<const N: usize> {
+    state: MemoryState,
+    /// Its covariance with all errors of now, and its variance then.
+    column: [f64; N],
+    variance: f64,
+    /// Σ ρ²·Δt since then, and ρ² of the state with itself now.
+    sum_s: f64,
+    left: f64,
+    began_s: f64,
+    /// Updates since then for which the variance has been far below that of then.
+    settled: u32,
+    /// Since the last span: for how long errors were followed, and that over how long each lasted.
     followed_s: f64,
-    independent: [f64; FOLLOWED],
+    independent: f64,
+    /// How long the last of them lasted.
+    lasted_s: Option<f64>,
 }
 
 /// What is going on.
@@ -75,28 +85,17 @@ enum MemoryState {
 
 impl<const N: usize> ErrorMemory<N> {
     pub(super) const fn new() -> Self {
-        Self {
-            state: MemoryState::Begins,
-            columns: [[0.0; N]; FOLLOWED],
-            variance: [0.0; FOLLOWED],
-            sums_s: [0.0; FOLLOWED],
-            left: 1.0,
-            began_s: 0.0,
-            before_s: 0.0,
-            span_began_s: f64::NAN,
-            updates: 0,
-            followed_s: 0.0,
-            independent: [0.0; FOLLOWED],
-        }
+        Self { followed: [FollowedError::NONE; FOLLOWED], before_s: 0.0, span_began_s: f64::NAN, updates: 0 }
     }
 
     /// Whether the covariance before the update will be asked for.
-    pub(super) const fn is_following(&self) -> bool {
-        matches!(self.state, MemoryState::Follows(_))
+    pub(super) fn is_following(&self) -> bool {
+        self.followed.iter().take(N).any(FollowedError::is_followed)
     }
 
     /// Takes a step and its update: how the state depends on the one before, and its covariance before and after the update.
     /// What is known of a part of the way, where enough of it is.
+    #[allow(clippy::needless_range_loop)] // iterators that are zipped are not inlined: each costs a call for every sample
     pub(super) fn take(
         &mut self,
         time_s: f64,
@@ -107,113 +106,151 @@ impl<const N: usize> ErrorMemory<N> {
             self.span_began_s = time_s;
         }
         self.updates += 1;
-        match (self.state, link, before) {
-            (MemoryState::Follows(_), ..) if self.left < LASTS && self.has_settled(after) => {
-                self.end(time_s);
-                self.begin(time_s, after);
-            }
-            (MemoryState::Follows(steps), Some(link), Some(before)) => {
-                let lasts = self.carry(link, before, after, time_s - self.before_s);
-                self.state = MemoryState::Follows(steps.saturating_add(1));
-                if !lasts {
-                    self.end(time_s);
-                    self.state = MemoryState::Rests(steps.saturating_add(1).saturating_mul(REST));
+        // A filter that settles forgets the errors of its start at once.
+        let of_all = &self.followed[..N.min(FOLLOWED)];
+        let all_settled = of_all.iter().enumerate().all(|(i, one)| after.get(i, i) < SETTLED * one.variance);
+        let is_past = all_settled && of_all.iter().all(|one| one.left < LASTS);
+        let carried = link.zip(before).filter(|_| self.is_following()).map(|(link, before)| {
+            let distinct = |i: usize, j: usize| before.get(i, j) * if i == j { 1.0 + DISTINCT } else { 1.0 };
+            (link, Ldl::of(&Covariance::from_lower(Mat::from_fn(distinct))))
+        });
+        for i in 0..N.min(FOLLOWED) {
+            let one = &mut self.followed[i];
+            match (one.state, &carried) {
+                (MemoryState::Follows(steps), _) if is_past || one.is_another(steps) => {
+                    one.end(time_s);
+                    one.begin(i, time_s, after);
                 }
+                (MemoryState::Follows(steps), Some((link, solver))) => {
+                    let lasts = one.carry(i, (link, solver), after, time_s - self.before_s);
+                    one.state = MemoryState::Follows(steps.saturating_add(1));
+                    if !lasts {
+                        one.end(time_s);
+                        one.state = MemoryState::Rests(steps.saturating_add(1).saturating_mul(REST));
+                    }
+                }
+                (MemoryState::Rests(left), _) if left > 0 && !all_settled => {
+                    one.state = MemoryState::Rests(left - 1);
+                }
+                _ => one.begin(i, time_s, after),
             }
-            (MemoryState::Rests(left), ..) if left > 0 && !self.has_settled(after) => {
-                self.state = MemoryState::Rests(left - 1);
-            }
-            _ => self.begin(time_s, after),
         }
         self.before_s = time_s;
-        (self.updates >= SPAN && self.followed_s > 0.0).then(|| self.give(time_s))
+        let of_all = &self.followed[..N.min(FOLLOWED)];
+        let is_known =
+            of_all.iter().all(|one| one.lasted_s.is_some()) && of_all.iter().any(|one| one.followed_s > 0.0);
+        (self.updates >= SPAN && is_known).then(|| self.give(time_s))
     }
 
     /// What is known of the way since what was given last, at the end of a part. An error that has not gone away yet lasts, as far
     /// as is known, from its beginning to here.
     pub(super) fn rest(&mut self, time_s: f64) -> Option<ErrorSpan> {
-        let mut until_now = self.clone();
-        until_now.end(time_s);
-        (self.span_began_s, self.updates, self.followed_s) = (time_s, 0, 0.0);
-        self.independent = [0.0; FOLLOWED];
-        (until_now.followed_s > 0.0).then(|| until_now.give(time_s))
+        let is_known = self.followed.iter().take(N).all(|one| one.lasts_s(time_s).is_some());
+        is_known.then(|| self.give(time_s))
     }
 
-    /// Whether all variances are far below those at the beginning of the error that is, or was last, followed. In an oscillation some of them
-    /// are at any time.
-    fn has_settled(&self, covariance: &Covariance<f64, N>) -> bool {
-        self.variance.iter().take(N).enumerate().all(|(i, then)| covariance.get(i, i) < SETTLED * then)
-    }
-
-    fn begin(&mut self, time_s: f64, covariance: &Covariance<f64, N>) {
-        for (i, column) in self.columns.iter_mut().take(N).enumerate() {
-            *column = std::array::from_fn(|j| covariance.get(i, j));
-            self.variance[i] = covariance.get(i, i);
+    fn give(&mut self, time_s: f64) -> ErrorSpan {
+        let lasts_s = |one: &FollowedError<N>| one.lasts_s(time_s).unwrap_or(f64::NAN);
+        let correlation_s = self.followed.iter().take(N).map(lasts_s).collect();
+        let span = ErrorSpan { from_s: self.span_began_s, to_s: time_s, correlation_s };
+        (self.span_began_s, self.updates) = (time_s, 0);
+        for one in &mut self.followed {
+            (one.followed_s, one.independent) = (0.0, 0.0);
         }
-        (self.sums_s, self.left) = ([0.0; FOLLOWED], 1.0);
+        span
+    }
+}
+
+impl<const N: usize> FollowedError<N> {
+    const NONE: Self = Self {
+        state: MemoryState::Begins,
+        column: [0.0; N],
+        variance: 0.0,
+        sum_s: 0.0,
+        left: 1.0,
+        began_s: 0.0,
+        settled: 0,
+        followed_s: 0.0,
+        independent: 0.0,
+        lasted_s: None,
+    };
+
+    const fn is_followed(&self) -> bool {
+        matches!(self.state, MemoryState::Follows(_))
+    }
+
+    /// Whether the error of now is another one than that which is followed: for the last half of the way its variance has been far below that of
+    /// then. In an oscillation it is at times, and in a filter that has just begun.
+    const fn is_another(&self, steps: u32) -> bool {
+        self.left < LASTS && steps >= SPAN && self.settled > steps / 2
+    }
+
+    fn begin(&mut self, i: usize, time_s: f64, covariance: &Covariance<f64, N>) {
+        self.column = std::array::from_fn(|j| covariance.get(i, j));
+        self.variance = covariance.get(i, i);
+        (self.sum_s, self.left, self.settled) = (0.0, 1.0, 0);
         self.began_s = time_s;
         self.state = MemoryState::Follows(0);
     }
 
-    /// Carries the covariances on; whether something of them is left.
-    #[allow(clippy::needless_range_loop)] // iterators that are zipped are not inlined: each costs a call for every sample
+    /// Carries its covariances on; whether something of them is left.
+    #[allow(clippy::needless_range_loop)]
     fn carry(
         &mut self,
-        link: &StateTransition<f64, N>,
-        before: &Covariance<f64, N>,
+        i: usize,
+        (link, solver): (&StateTransition<f64, N>, &Ldl<f64, N>),
         after: &Covariance<f64, N>,
         interval_s: f64,
     ) -> bool {
-        let distinct = |i: usize, j: usize| before.get(i, j) * if i == j { 1.0 + DISTINCT } else { 1.0 };
-        let solver = Ldl::of(&Covariance::from_lower(Mat::from_fn(distinct)));
-        let (mut left, mut own): (f64, f64) = (0.0, 0.0);
-        for (i, column) in self.columns.iter_mut().take(N).enumerate() {
-            let mut moved = [-0.0; N];
-            for r in 0..N {
-                for c in 0..N {
-                    moved[r] += link.transition.0[r][c] * column[c];
-                }
+        let mut moved = [-0.0; N];
+        for r in 0..N {
+            for c in 0..N {
+                moved[r] += link.transition.0[r][c] * self.column[c];
             }
-            let weighted = solver.solve(&moved);
-            *column = [-0.0; N];
-            for r in 0..N {
-                for c in 0..N {
-                    column[r] += after.get(r, c) * weighted[c];
-                }
-            }
-            let square = |j: usize| column[j] * column[j] / (self.variance[i] * after.get(j, j));
-            self.sums_s[i] += square(i) * interval_s;
-            own = own.max(square(i));
-            // What is not a number ends it as well.
-            left = (0..N).map(square).filter(|s| s.is_finite()).fold(left, f64::max);
         }
+        let weighted = solver.solve(&moved);
+        self.column = [-0.0; N];
+        for r in 0..N {
+            for c in 0..N {
+                self.column[r] += after.get(r, c) * weighted[c];
+            }
+        }
+        let square = |j: usize| self.column[j] * self.column[j] / (self.variance * after.get(j, j));
+        let own = square(i);
+        // What is not a number ends it as well.
+        let lasts = (0..N).map(square).filter(|s| s.is_finite()).fold(0.0, f64::max) > FORGOTTEN * FORGOTTEN;
         self.left = own;
-        left > FORGOTTEN * FORGOTTEN
+        self.sum_s += own * interval_s;
+        self.settled = if after.get(i, i) < SETTLED * self.variance { self.settled + 1 } else { 0 };
+        lasts
+    }
+
+    /// How long the error that is followed has lasted until now: both ways in time, and the error itself.
+    fn has_lasted_s(&self, time_s: f64) -> Option<f64> {
+        let MemoryState::Follows(steps) = self.state else { return None };
+        let passed_s = time_s - self.began_s;
+        (steps > 0 && passed_s > 0.0).then(|| 2.0 * self.sum_s + passed_s / f64::from(steps))
+    }
+
+    /// How long errors last: those that went and the one that is followed, or if none went, the longer of that and the one before, because an error that
+    /// has just begun tells nothing.
+    fn lasts_s(&self, time_s: f64) -> Option<f64> {
+        let now_s = self.has_lasted_s(time_s);
+        if self.followed_s > 0.0 {
+            let (passed_s, independent) =
+                now_s.map_or((0.0, 0.0), |now_s| (time_s - self.began_s, (time_s - self.began_s) / now_s));
+            return Some((self.followed_s + passed_s) / (self.independent + independent));
+        }
+        self.lasted_s.into_iter().chain(now_s).reduce(f64::max)
     }
 
     /// Counts what was followed.
     fn end(&mut self, time_s: f64) {
-        let MemoryState::Follows(steps) = self.state else { return };
+        let Some(lasted_s) = self.has_lasted_s(time_s) else { return };
         let passed_s = time_s - self.began_s;
-        if steps == 0 || passed_s <= 0.0 {
-            return;
-        }
+        self.lasted_s = Some(lasted_s);
         self.followed_s += passed_s;
-        // Both ways in time, and the error itself.
-        let itself_s = passed_s / f64::from(steps);
-        for (independent, sum_s) in self.independent.iter_mut().zip(&self.sums_s) {
-            *independent += passed_s / (2.0 * sum_s + itself_s);
-        }
-    }
-
-    fn give(&mut self, time_s: f64) -> ErrorSpan {
-        let states = N.min(FOLLOWED);
-        let lasting = |independent: &f64| self.followed_s / independent;
-        let correlation_s = self.independent.iter().take(states).map(lasting).collect();
-        let span = ErrorSpan { from_s: self.span_began_s, to_s: time_s, correlation_s };
-        (self.span_began_s, self.updates, self.followed_s) = (time_s, 0, 0.0);
-        self.independent = [0.0; FOLLOWED];
-        span
+        self.independent += passed_s / lasted_s;
     }
 }
 
@@ -350,6 +387,35 @@ mod tests {
         }
         let span = memory.rest(4.999).unwrap();
         assert!(span.correlation_s.iter().all(|lasts_s| (lasts_s / 10.0 - 1.0).abs() < 1e-3), "{span:?}");
+    }
+
+    /// A swing whose frequency, a number that walks slowly, is learnt at the same time: the errors of the swing go, that of the number stays for as long
+    /// as was learnt so far.
+    #[test]
+    fn an_error_of_what_is_learnt_slowly_lasts_while_others_go() {
+        let mut memory = ErrorMemory::<2>::new();
+        let (mut level, mut spans) = (1.0_f64, Vec::new());
+        let (noise, steps) = (1.0, 200_000_u32);
+        for k in 0..steps {
+            // Of a constant that each sample shows the variance is that of the mean, and the correlation of two errors the root of their times' ratio.
+            let known = noise / f64::from(k + 1);
+            let before_level = level + 1e-2;
+            level = before_level * noise / (before_level + noise);
+            let [before, after] = [[before_level, noise / f64::from(k.max(1))], [level, known]];
+            let [before, after] = [before, after].map(Covariance::from_variances);
+            let link = StateTransition {
+                transition: Mat::identity(),
+                noise: Covariance::from_variances([1e-2, 0.0]),
+            };
+            spans.extend(memory.take(f64::from(k) * INTERVAL_S, Some(&link), (Some(&before), &after)));
+        }
+        spans.extend(memory.rest(f64::from(steps - 1) * INTERVAL_S));
+        let independent = |state: usize| -> f64 {
+            spans.iter().map(|span| (span.to_s - span.from_s) / span.correlation_s[state]).sum()
+        };
+        // The mean of ρ² over all pairs of times is a half: two errors. A sum over spans counts the early ones, of little time, as much as the late ones.
+        assert!((1.0..30.0).contains(&independent(1)), "{}", independent(1));
+        assert!(independent(0) > 5000.0, "{}", independent(0));
     }
 
     /// Two temperatures that decay, the second of which follows the first at once, of which nothing is random: one error, however small it becomes.
