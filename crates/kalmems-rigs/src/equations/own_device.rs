@@ -257,6 +257,12 @@ impl OwnDevice {
         Some(names.map(|named| format!("`{}`", named.name)).collect::<Vec<_>>().join(" and "))
     }
 
+    /// Whether the signals tell the sign of a state of this name.
+    pub fn tells_sign(&self, name: &str) -> bool {
+        let place = self.states().iter().position(|(own, ..)| *own == name);
+        place.is_some_and(|place| !self.hidden_signs.iter().any(|group| group.contains(&place)))
+    }
+
     /// Whether no signal tells the sign of an angle.
     pub fn hides_angle(&self) -> bool {
         let hidden = |angle: &usize| self.hidden_signs.iter().any(|group| group.contains(angle));

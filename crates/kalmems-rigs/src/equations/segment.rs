@@ -30,8 +30,8 @@ use crate::config::{ConfigFault, Experiment, Key, Method};
 use crate::crossings::RowsNeeded;
 use crate::estimate::driven::{BLOCK, SegmentDrive};
 use crate::estimate::{
-    AngleAxis, EstimateError, Past, RecordedPassing, RowsAround, SegmentEstimate, SegmentPart, SideOutputs,
-    SignalSegment, Trajectory,
+    AngleAxis, EstimateError, MotionRate, Past, RecordedPassing, RowsAround, SegmentEstimate, SegmentPart,
+    SideOutputs, SignalSegment, Trajectory,
 };
 use crate::progress::Progress;
 use crate::recording::Finding;
@@ -388,7 +388,6 @@ impl Answers<'_> {
     fn of_filters(&self, past: &mut Past) -> Result<Vec<Trajectory>, EstimateError> {
         let Self { settings, data, start_s, .. } = *self;
         let (outputs, rate) = self.side_outputs;
-        let axes: Vec<_> = self.axes.iter().map(|axis| (axis.of.angle, axis.of.motion)).collect();
         let peaks_s: Vec<f64> = self.axes.iter().map(|axis| axis.peak_s).collect();
         let mut all = Vec::new();
         for (index, filter) in settings.filters.iter().enumerate() {
@@ -405,6 +404,14 @@ impl Answers<'_> {
                 ..EquationFilterTask::of(settings, filter, models, data)
             };
             let mut found = task.follow(past)?;
+            // Whose sign the signal tells, that changes its branch only if the signal is lost; its phase changes while the motion settles.
+            let takes_all =
+                filter.measures.is_empty() || filter.measures.len() == filter.own.device.measures().len();
+            let axes = self.axes.iter().map(|JudgedAxis { of: AngleAxis { angle, motion, .. }, .. }| {
+                let is_driven = motion.is_driven && !(takes_all && filter.own.tells_sign(angle));
+                (*angle, MotionRate { is_driven, ..*motion })
+            });
+            let axes: Vec<_> = axes.collect();
             let errors = FeedthroughError::of(&filter.own, self.taken_off, (data, &task.channels()));
             for (answer, trajectory) in found.iter_mut().enumerate() {
                 let past = past.answer(answer);
