@@ -222,8 +222,6 @@ impl NoBatchStart {
     }
 }
 
-impl StartSearch {}
-
 impl FilterBasics {
     /// What is known before the first sample of its states behind those of the motion: of parameters, and of the readout.
     pub fn priors(&self) -> impl Iterator<Item = StatePrior> + '_ {

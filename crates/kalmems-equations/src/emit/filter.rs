@@ -90,7 +90,6 @@ impl FilterProgram {
 
 /// Means and covariance at the start in the filter's units.
 fn start(request: &EmitRequest, units: &Units) -> (Vec<f64>, Vec<f64>) {
-    let states = request.states.len();
     let mean = request.states.iter().enumerate();
     let mut mean: Vec<f64> = mean.map(|(k, s)| (s.mean - s.origin) / units.scale(k)).collect();
     mean.resize(request.size(), 0.0);
@@ -98,9 +97,7 @@ fn start(request: &EmitRequest, units: &Units) -> (Vec<f64>, Vec<f64>) {
     if request.gain == EmitGain::Covariance {
         for i in 0..request.size() {
             for j in 0..=i {
-                let of_state = request.start_covariance.get(i * states + j).filter(|_| i < states);
-                let of_free = i.checked_sub(states).and_then(|k| request.free.get(k)).filter(|_| i == j);
-                let value = of_state.copied().or(of_free.map(|f| f.start_sd * f.start_sd));
+                let value = request.start_covariance.get(i * request.size() + j).copied();
                 covariance.push(value.unwrap_or_default() / (units.scale(i) * units.scale(j)));
             }
         }

@@ -58,8 +58,6 @@ pub struct FreeParameter {
     pub parameter: usize,
     /// Its mean at the start in SI, which it is counted from.
     pub start: f64,
-    /// Its standard deviation at the start in SI.
-    pub start_sd: f64,
     /// The unit in which it is counted in SI, such as its standard deviation at the start.
     pub scale: f64,
     /// The variance in SI² by which it walks in one interval.
@@ -213,7 +211,7 @@ pub struct EmitRequest {
     pub experiment: u32,
     /// The start of each state of the device.
     pub states: Vec<StateStart>,
-    /// The covariance of the device's states at the start, row by row.
+    /// The covariance of the device's states and of the parameters that are states at the start in SI, row by row.
     pub start_covariance: Vec<f64>,
     /// Q of the device's states over one interval, row by row.
     pub process_noise: Vec<f64>,
@@ -283,7 +281,7 @@ impl EmitRequest {
         let states = device.states().len();
         count("states", self.states.len(), states)?;
         count("parameters", self.parameters.len(), device.parameters().len())?;
-        count("start_covariance", self.start_covariance.len(), states * states)?;
+        count("start_covariance", self.start_covariance.len(), self.size() * self.size())?;
         count("process_noise", self.process_noise.len(), states * states)?;
         if self.size() > MOST_STATES {
             return Err(EmitError::request("free", &self.size(), format!("at most {MOST_STATES} states")));
@@ -292,15 +290,13 @@ impl EmitRequest {
         let starts = self.states.iter().flat_map(|s| [s.mean, s.origin, s.typical.unwrap_or(1.0)]);
         finite("states", starts)?;
         finite("parameters", self.parameters.iter().copied())?;
-        symmetric("start_covariance", &self.start_covariance, states)?;
+        symmetric("start_covariance", &self.start_covariance, self.size())?;
         symmetric("process_noise", &self.process_noise, states)?;
         for free in &self.free {
-            finite("free", [free.start, free.start_sd, free.walk])?;
+            finite("free", [free.start, free.walk])?;
             positive("free", free.scale)?;
-            for variance in [free.start_sd, free.walk] {
-                if variance < 0.0 {
-                    return Err(EmitError::request("free", &variance, "no negative number"));
-                }
+            if free.walk < 0.0 {
+                return Err(EmitError::request("free", &free.walk, "no negative number"));
             }
         }
         let variances = self.measures.iter().map(|m| ("measures", m.variance));

@@ -34,8 +34,8 @@ impl Units {
 
     /// Typical sizes as units.
     fn typical(request: &EmitRequest) -> Self {
-        let states = request.states.len();
-        let sd = |k: usize| request.start_covariance.get(k * (states + 1)).map_or(0.0, |p| p.sqrt());
+        let size = request.size();
+        let sd = |k: usize| request.start_covariance.get(k * (size + 1)).map_or(0.0, |p| p.sqrt());
         let typical = request.states.iter().enumerate().map(|(k, start)| {
             let size = start.typical.unwrap_or_else(|| (start.mean - start.origin).abs().max(sd(k))).abs();
             if size > 0.0 { size } else { 1.0 }

@@ -168,7 +168,7 @@ fn case(
         adjustable: vec![],
         experiment: 0x1234_abcd,
         states: states.iter().map(|s| StateStart { mean: s[1], origin: s[3], typical: Some(s[4]) }).collect(),
-        start_covariance: vec![0.0; n * n],
+        start_covariance: vec![],
         process_noise: vec![0.0; n * n],
         free: vec![],
         measures: measures
@@ -185,9 +185,6 @@ fn case(
         rehearsal: vec![],
         vectors: None,
     };
-    for (k, state) in states.iter().enumerate() {
-        request.start_covariance[k * (n + 1)] = state[2] * state[2];
-    }
     // A density of the rate of a state: q·T on itself, and through the state before it where that is its integral.
     for (state, density) in accelerations {
         let t = interval_s;
@@ -202,7 +199,13 @@ fn case(
     for (parameter, sd, walk) in free {
         let parameter = device.parameter(parameter).unwrap();
         let start = request.parameters[parameter] + 0.5 * sd;
-        request.free.push(FreeParameter { parameter, start, start_sd: *sd, scale: *sd, walk: walk * walk });
+        request.free.push(FreeParameter { parameter, start, scale: *sd, walk: walk * walk });
+    }
+    let size = n + free.len();
+    request.start_covariance = vec![0.0; size * size];
+    let sds = states.iter().map(|state| state[2]).chain(free.iter().map(|(_, sd, _)| *sd));
+    for (k, sd) in sds.enumerate() {
+        request.start_covariance[k * (size + 1)] = sd * sd;
     }
     let truth = states.iter().map(|s| s[0]).collect();
     Case { name: name.to_owned(), device, request, truth, drive }
@@ -373,6 +376,9 @@ impl Case {
         request.name = format!("{}_{of}{free}", self.name);
         if !with_free {
             request.free.clear();
+            let (size, states) = (self.request.states.len() + self.request.free.len(), request.states.len());
+            let rows = self.request.start_covariance.chunks(size).take(states);
+            request.start_covariance = rows.flat_map(|row| row[..states].to_vec()).collect();
         }
         request
     }

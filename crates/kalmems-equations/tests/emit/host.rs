@@ -174,8 +174,7 @@ fn run<const N: usize>(device: &Device, request: &EmitRequest, samples: &[TestSa
     };
     let mut mean: Vec<f64> = request.states.iter().map(|state| state.mean).collect();
     mean.extend(request.free.iter().map(|free| free.start));
-    let variances: Vec<f64> = request.free.iter().map(|free| free.start_sd.powi(2)).collect();
-    let start = covariance(&request.start_covariance, count, &variances);
+    let start = covariance(&request.start_covariance, N, &[]);
     let mut filter = Ekf::<f64, N>::new(mean.try_into().unwrap(), start);
     let sensor = |readout: ReadoutProgram, variance: f64| {
         let work = RefCell::new(readout.work(&request.parameters));

@@ -1,33 +1,28 @@
 //! A filter of a device of one's own as source code for a microcontroller.
 
-use super::axes::{AxisSines, InputRows};
-use super::course::{EquationSegment, SegmentChannel};
-use super::event_times::{EventTimes, FoundEvents};
-use super::events::{EventSettings, EventTimeSource, FilterEventUse};
+use super::EquationColumns;
+use super::events::{EventTimeSource, FilterEventUse};
+use super::export_samples::{RecordedSamples, recorded_samples};
 use super::feedthrough_course::measured;
 use super::filter_settings::EquationFilterSettings;
-use super::filter_task::{EquationFilterTask, at_rest};
+use super::filter_task::at_rest;
 use super::interpolation::Interpolation;
-use super::judged_axes::motion;
 use super::model::{EquationModel, Interval};
 use super::own_device::OwnDevice;
-use super::sampled_inputs::rates_of_inputs;
 use super::settings::EquationSettings;
 use super::table::refused;
-use super::{EquationColumns, names};
 use crate::Rig;
 use crate::config::{ConfigFault, Experiment, Key, Method, Variant};
-use crate::estimate::driven::{InterpolationLag, SegmentDrive};
 use crate::estimate::{
-    AnyFilter, EstimateError, FALSE_REJECTIONS, FilterPast, GainOf, GateMode, MeanAndCovariance, MotionRate,
-    SampleSelection, Sensor, StateSeries, Tracked, Trajectory, Transition, largest_nis, memory_samples,
+    AnyFilter, EstimateError, FALSE_REJECTIONS, GainOf, GateMode, MeanAndCovariance, Sensor, Tracked,
+    Transition, largest_nis, memory_samples,
 };
 use crate::export::{
     ExportError, ExportRequest, Exported, SourceCost, SourceDigits, SourceLanguage, SourceTrial, c_name,
     checksum, heading, place_of_filter,
 };
-use crate::recording::{SampledRecording, Segment};
-use crate::units::{Value, kind};
+use crate::recording::SampledRecording;
+use crate::units::Value;
 use kalmems_equations::{
     EmitDigits, EmitEvent, EmitGain, EmitLanguage, EmitMeasure, EmitRequest, EmitWatch, EmittedFilter,
     FreeParameter, InputCourse, SettledGain, StateStart, StepMethod, TestSample, TestVectors,
@@ -129,22 +124,6 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
     }
     let name = c_name(&experiment.name.to_string());
     let states = own.device.states().len();
-    let Some(known) = filter.stated() else {
-        return refuse(
-            "its source has no recording to take its start from; write the values of `start` and `start_sd`",
-        );
-    };
-    let sd = |i: usize| known.lower.get(i * (i + 1) / 2 + i).copied().unwrap_or(0.0).sqrt();
-    let cyclic = own.device.periods(&own.values).map_err(wrong)?;
-    let start = |i: usize| {
-        let mean = known.mean.get(i).copied().unwrap_or(0.0);
-        let is_far = mean.abs() > FAR * sd(i) && cyclic.iter().all(|(state, _)| *state != i);
-        StateStart { mean, origin: if is_far { mean } else { 0.0 }, typical: None }
-    };
-    let covariance = |i: usize, j: usize| if i == j { sd(i) * sd(i) } else { 0.0 };
-    let square = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
-        (0..states).flat_map(|i| (0..states).map(move |j| (i, j))).map(|(i, j)| of(i, j)).collect()
-    };
     let mut measures = measures(experiment, (own, filter), interval_s)?;
     if let Some((index, _)) = &recording {
         ranges(experiment, *index, &mut measures)?;
@@ -160,16 +139,42 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
         Some(recording) => {
             let most = if request.verify { usize::MAX } else { REHEARSED.max(request.samples) };
             let count = (request.samples, most);
-            match test_samples((experiment, request), (&settings, filter), recording, &measures, count) {
+            match recorded_samples((experiment, request), (&settings, filter), recording, &measures, count) {
                 // Nothing was asked for: there is no rehearsal, which the source says.
                 Err(why) if request.samples == 0 && !request.verify => {
                     unread = Some(why);
-                    Vec::new()
+                    RecordedSamples::default()
                 }
                 samples => samples?,
             }
         }
-        None => Vec::new(),
+        None => RecordedSamples::default(),
+    };
+    let RecordedSamples { start: found, each: recorded } = recorded;
+    if let Some((_, time_s)) = &found {
+        heading
+            .push(format!("Its start is the one that the recording tells, behind the sample at {time_s} s."));
+    }
+    let Some(known) = filter.stated().or(found.map(|(known, _)| known)) else {
+        return refuse(
+            "its source has no recording to take its start from; write the values of `start` and `start_sd`",
+        );
+    };
+    let tracked = filter.basics.parameters();
+    let size = states + tracked.len();
+    let unit = |i: usize| i.checked_sub(states).map_or(1.0, |k| tracked[k].added.scale);
+    let covariance = |i: usize, j: usize| {
+        let (low, high) = (i.min(j), i.max(j));
+        let stated = known.lower.get(high * (high + 1) / 2 + low).copied();
+        let prior = || tracked.get(high.checked_sub(states)?).filter(|_| i == j).map(|one| one.sd * one.sd);
+        stated.or_else(prior).unwrap_or(0.0) * unit(i) * unit(j)
+    };
+    let cyclic = own.device.periods(&own.values).map_err(wrong)?;
+    let start = |i: usize| {
+        let mean = known.mean.get(i).copied().unwrap_or(0.0);
+        let is_far =
+            mean.abs() > FAR * covariance(i, i).sqrt() && cyclic.iter().all(|(state, _)| *state != i);
+        StateStart { mean, origin: if is_far { mean } else { 0.0 }, typical: None }
     };
     if request.verify && recorded.is_empty() {
         return refuse("there are no samples of a recording to verify it with; leave `--verify` out");
@@ -198,14 +203,17 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
         adjustable: adjustable(experiment, request, own)?,
         experiment: checksum(experiment),
         states: (0..states).map(start).collect(),
-        start_covariance: square(&covariance),
-        process_noise: square(&|i, j| model.covariance(&over, (i, j))),
+        start_covariance: square(size, &covariance),
+        process_noise: square(states, &|i, j| model.covariance(&over, (i, j))),
         free: filter
             .basics
             .parameters()
             .iter()
             .enumerate()
-            .filter_map(|(k, tracked)| free(own, tracked, model.covariance(&over, (states + k, states + k))))
+            .filter_map(|(k, tracked)| {
+                let mean = known.mean.get(states + k).copied().unwrap_or(0.0);
+                free(own, (tracked, mean), model.covariance(&over, (states + k, states + k)))
+            })
             .collect(),
         courses: own.between.iter().map(|between| course(*between)).collect(),
         update_every: request.update_every.get(),
@@ -301,13 +309,13 @@ fn adjustable(
     request.adjustable.iter().map(place).collect()
 }
 
-fn free(own: &OwnDevice, tracked: &Tracked, walk: f64) -> Option<FreeParameter> {
+/// A parameter that is a state, with its mean by that state's unit.
+fn free(own: &OwnDevice, (tracked, mean): (&Tracked, f64), walk: f64) -> Option<FreeParameter> {
     let parameter = own.device.parameter(tracked.parameter.name)?;
     let scale = tracked.added.scale.abs();
     Some(FreeParameter {
         parameter,
-        start: own.values.get(parameter).copied()?,
-        start_sd: tracked.sd * scale,
+        start: own.values.get(parameter)? + mean * tracked.added.scale,
         scale: tracked.sd * scale,
         walk: walk * scale * scale,
     })
@@ -396,8 +404,12 @@ fn settled(
     EmitMeasure { measure, variance, .. }: EmitMeasure,
     interval_s: f64,
 ) -> Result<EmitGain, ExportError> {
-    // A filter that starts from the signal was refused before.
-    let known = filter.stated().unwrap_or_default();
+    let Some(known) = filter.stated() else {
+        return Err(ExportError::Filter {
+            filter: filter.basics.name.clone(),
+            why: "its gain is that of a stated start; write the values of `start` and `start_sd`".to_owned(),
+        });
+    };
     let made = |rest: &MeanAndCovariance, step: &dyn Transition, sensor: &dyn Sensor| {
         AnyFilter::constant_gain_of((gain, interval_s), (rest, &known), (step, sensor, variance))
     };
@@ -434,167 +446,7 @@ fn recorded(
     Ok((Some((index, recording)), interval_s))
 }
 
-/// How long before each row the events were, in s; an event at the first row, where the filter starts, is left out.
-fn events_ago(
-    settings: &EquationSettings,
-    columns: &EquationColumns<'_>,
-    (recording, segment): (&SampledRecording, &Segment),
-) -> Result<Vec<Vec<Option<f64>>>, ExportError> {
-    let mut ago = Vec::new();
-    for event in &settings.events {
-        let column = columns.events.iter().find(|(place, _)| *place == event.event);
-        let values = column.map(|(_, column)| recording.column_of(column, &kind::TIME)).transpose()?;
-        let values = values.map_or(Vec::new(), |values| values.of(segment).to_vec());
-        let known = |(row, ago_s): (usize, f64)| Some(ago_s).filter(|ago_s| row > 0 && ago_s.is_finite());
-        ago.push(values.into_iter().enumerate().map(known).collect());
-    }
-    Ok(ago)
-}
-
-/// The inputs at the start, the middle and the end of the interval before a sample.
-fn inputs_before(data: &EquationSegment, between: &[Interpolation], k: usize) -> [Vec<f64>; 3] {
-    let nodes: Vec<_> =
-        data.inputs.iter().zip(between).map(|(input, between)| between.nodes(input, k)).collect();
-    [
-        nodes.iter().map(|n| n.start).collect(),
-        nodes.iter().map(|n| n.middle).collect(),
-        // A measurement sees the input of its sample, also where a prediction holds another one.
-        data.inputs.iter().map(|input| input.sample(k).0).collect(),
-    ]
-}
-
-/// The first samples of the recording, so many at least and at most, with the states that the library's filter has behind each.
-///
-/// Where the library's filter has lost its signal and is started again, the source is not: the samples end before that.
-///
-/// The source predicts before it corrects. The first row is therefore where the filter starts, without a correction, and the samples
-/// are those behind it.
-fn test_samples(
-    (experiment, request): (&Experiment, &ExportRequest),
-    (settings, filter): (&EquationSettings, &EquationFilterSettings),
-    (index, recording): &(usize, SampledRecording),
-    measures: &[EmitMeasure],
-    (at_least, at_most): (usize, usize),
-) -> Result<Vec<TestSample>, ExportError> {
-    let own = &*filter.own;
-    let file = || recording.source().file.clone();
-    let columns = EquationColumns::of(experiment, *index)?;
-    let EquationColumns { inputs, measured: channels, .. } = &columns;
-    let first = recording.segments().first();
-    let segment = first.ok_or_else(|| ExportError::NoInterval { file: file() })?;
-    let time_s = segment.time.to_vec();
-    let interval_s = segment.time.interval_s().unwrap_or(f64::NAN);
-    let devices = own.device.inputs().iter().map(names::kind_of);
-    let mut volts: Vec<&[f64]> = Vec::new();
-    for (column, kind) in inputs.iter().zip(devices) {
-        volts.push(recording.column_of(column, kind)?.of(segment));
-    }
-    let mut signals: Vec<(EmitMeasure, Vec<f64>)> = Vec::new();
-    for measure in measures {
-        let column = channels.iter().find(|(place, _)| *place == measure.measure);
-        let Some((place, column)) = column else {
-            let why = "a measurement of the filter is no channel of the recording; leave `--samples` out"
-                .to_owned();
-            return Err(experiment.error("recording", ConfigFault::Value { why }).into());
-        };
-        let kind = names::kind_of(&own.device.measures()[*place]);
-        signals.push((*measure, recording.column_of(column, kind)?.of(segment).to_vec()));
-    }
-    let ago = events_ago(settings, &columns, (recording, segment))?;
-    let happened = |(event, rows): (&EventSettings, &Vec<Option<f64>>)| {
-        let rows = rows.iter().take(at_most.saturating_add(1)).enumerate();
-        let told = rows.filter_map(|(row, ago_s)| Some((row, time_s.get(row)? - (*ago_s)?))).collect();
-        EventTimes { settings: *event, found: FoundEvents::Recorded(told) }
-    };
-    let whole = |k: &usize| {
-        let finite = |values: &[f64]| values.get(*k).is_some_and(|value| value.is_finite());
-        volts.iter().all(|values| finite(values))
-            && signals.iter().all(|(_, signal)| *k == 0 || finite(signal))
-    };
-    let rows = (0..time_s.len()).take_while(whole).count();
-    let measured_at = |k: usize| signals.iter().map(|(_, signal)| signal[k]).collect::<Vec<f64>>();
-    let measured: Vec<Vec<f64>> = (0..rows).map(measured_at).collect();
-    // The first row, and those by which the source does not correct.
-    let every = request.update_every.get() as usize;
-    for (k, value) in signals.iter_mut().flat_map(|(_, signal)| signal.iter_mut().enumerate()) {
-        if k.checked_sub(1).is_none_or(|k| k % every != 0) {
-            *value = f64::NAN;
-        }
-    }
-    if rows <= at_least {
-        return Err(ExportError::Samples { file: file(), asked: at_least, found: rows.saturating_sub(1) });
-    }
-    let (count, lag) = (at_most.min(rows.saturating_sub(1)), InterpolationLag::of(experiment));
-    if count == 0 {
-        return Ok(Vec::new());
-    }
-    let sampled = |values| SegmentDrive::new(&time_s[..rows], values, interval_s).waiting_for(lag);
-    let mut drives: Vec<SegmentDrive<'_>> = volts.iter().map(|values| sampled(&values[..rows])).collect();
-    let rates = rates_of_inputs(&own.device, &drives, interval_s);
-    drives.extend(rates.iter().map(|values| sampled(values)));
-    let start_s = time_s.first().copied().unwrap_or(0.0);
-    let sines = AxisSines::first(own, InputRows { inputs: &drives, interval_s }, start_s + settings.skip_s);
-    let about_hz = settings.sine.as_ref().and_then(|sine| filter.about_of(sine.frequency()));
-    let stated = about_hz.map(|frequency_hz| MotionRate { frequency_hz, is_driven: false });
-    let motion = stated.or_else(|| sines.as_ref().map(|sines| sines.slowest(own)));
-    let motion = motion
-        .unwrap_or_else(|| self::motion(own, drives.iter().find_map(SegmentDrive::first_sine), interval_s));
-    let data = EquationSegment {
-        place: &file(),
-        start_s,
-        time_s: &time_s[..=count],
-        inputs: drives,
-        stated_inputs: own.device.own_inputs(),
-        known: Vec::new(),
-        events: settings.events.iter().zip(&ago).map(happened).collect(),
-        bends: Vec::new(),
-        channels: signals
-            .iter()
-            .map(|(measure, signal)| {
-                SegmentChannel::of(&own.device, measure.measure, measure.variance, signal)
-            })
-            .collect(),
-        samples: SampleSelection::whole(count + 1, interval_s),
-        motion,
-        sines: sines.as_ref(),
-    };
-    let models = filter.models().map_err(|error| ExportError::from(refused(experiment, &error)))?;
-    let way = EquationFilterTask::of(settings, filter, &models, &data);
-    let found = way
-        .follow(&mut FilterPast::default())
-        .map_err(|why| ExportError::Filter { filter: filter.basics.name.clone(), why: why.to_string() })?;
-    let Some(trajectory) = found.first() else { return Err(ExportError::NoInterval { file: file() }) };
-    let again = trajectory.restarts.first().map_or(f64::INFINITY, |restart| restart.time_s);
-    let count = time_s[1..=count].iter().take_while(|time_s| **time_s < again).count();
-    let sample = |k: usize| {
-        let (expected, expected_sd) = answer_at(own, filter, trajectory, k);
-        TestSample {
-            inputs: inputs_before(&data, &own.between, k),
-            measured: measured[k].clone(),
-            events: filter.events.iter().map(|used| ago[used.event].get(k).copied().flatten()).collect(),
-            expected,
-            expected_sd,
-        }
-    };
-    Ok((1..=count).map(sample).collect())
-}
-
-/// States and values of parameters as the source has them, at a sample of a trajectory, and the standard deviations that are claimed of
-/// them.
-fn answer_at(
-    own: &OwnDevice,
-    filter: &EquationFilterSettings,
-    trajectory: &Trajectory,
-    k: usize,
-) -> (Vec<f64>, Vec<f64>) {
-    let states = own.device.states().len();
-    let answer = |state: &StateSeries| (state.mean[k], state.sd.get(k).copied().unwrap_or(0.0));
-    let of_states = trajectory.states.iter().take(states).map(answer);
-    let tracked = trajectory.states.iter().skip(states).zip(filter.basics.parameters());
-    let of_parameters = tracked.map(|(state, tracked)| {
-        let stated = own.device.parameter(tracked.parameter.name).and_then(|place| own.values.get(place));
-        let ((mean, sd), scale) = (answer(state), tracked.added.scale);
-        (stated.copied().unwrap_or(f64::NAN) + mean * scale, sd * scale.abs())
-    });
-    of_states.chain(of_parameters).unzip()
+/// A matrix row by row.
+fn square(size: usize, of: &dyn Fn(usize, usize) -> f64) -> Vec<f64> {
+    (0..size).flat_map(|i| (0..size).map(move |j| (i, j))).map(|(i, j)| of(i, j)).collect()
 }

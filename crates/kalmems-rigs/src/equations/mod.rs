@@ -11,6 +11,7 @@ mod event_sensor;
 mod event_times;
 mod events;
 mod export;
+mod export_samples;
 mod feedback;
 mod feedthrough;
 mod feedthrough_course;
