@@ -1,16 +1,16 @@
-//! Quantisation, white noise, flicker and a random walk, fitted to Allan's variances: sizes with intervals, and whether they fit at all.
+//! Quantisation, white noise, flicker and a random walk, fitted to Allan's or Hadamard's variances: sizes with intervals, and whether they fit at all.
 
-use super::octave_covariance::{FLICKER, OctavePair, PARTS, QUANTISATION, WALK, WHITE, low_passed};
+use super::noise_model::{
+    FittedOctave, Model, cost, covariance, largest_possible, likeliest, likeliest_of_all, parts,
+};
+use super::octave_covariance::{FLICKER, PARTS, PhaseDifference, QUANTISATION, WALK, WHITE};
 use crate::signal::{Confident, OctaveSums};
 use kalmems_core::{Lu, Mat, Portable};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
-use std::f64::consts::{LN_2, PI};
 
 /// Columns of derivatives: the parts, and the time constant of the low pass.
 const COLUMNS: usize = PARTS + 1;
-/// The floor of flicker noise in Allan's variance by the square of its bias instability.
-pub(super) const FLOOR: f64 = 2.0 * LN_2 / PI;
 /// A fit that leaves more than chance does in all but so many of true ones begins at a longer averaging time.
 const SIGNIFICANCE: f64 = 0.05;
 /// Where all of them do, one that chance leaves so often is taken.
@@ -27,27 +27,20 @@ const FALL: f64 = 3.841_458_820_694_124 / 2.0;
 /// By how much more at least: neighbouring octaves have a correlation of one half in white noise and in flicker (2.0 in 400 records of white noise,
 /// 2.4 in 300 of flicker), and parts that are 0 at the best fit are none at the end of an interval.
 const OVERLAP: f64 = 2.2;
+/// The same of Hadamard's variances, whose differences extend over half as much time again.
+const HADAMARD_OVERLAP: f64 = 1.5 * OVERLAP;
 /// By how much more a likelihood may fall where another part of the best fit has vanished: such a fit has used that part to follow the scatter, so
 /// that it is two numbers by which it is likelier than the truth (χ² of two degrees of freedom exceeds 5.991 in 5 of 100 cases).
 const VANISHED: f64 = 5.991_464_547_107_979 / 3.841_458_820_694_124;
 /// Rounds in which the degrees of freedom follow the parts that were found.
 const ROUNDS: usize = 3;
-/// Steps towards the likeliest parts, and halvings of one.
-const STEPS: usize = 60;
-const STEP_HALVINGS: usize = 12;
 /// Halvings of a search for the end of an interval, on a logarithmic scale.
 const HALVINGS: usize = 34;
 /// How far from the likeliest value the end of an interval is looked for, as a factor of the variance.
 const FARTHEST: f64 = 1e4;
-/// The shortest time constant that is looked for, as a part of the shortest averaging time, which is the longest one: noise with a longer
-/// memory is none of the four, and the fit begins later.
-const SHORTEST_MEMORY: f64 = 1.0 / 16.0;
-/// Time constants that are tried by factors of two, and golden sections about the best.
-const SECTIONS: usize = 24;
-
 /// What the noise of a rate at rest is made of, as far as its Allan variances tell it.
 ///
-/// The likeliest parts, none below 0, for variances that each have the distribution of χ² with the degrees of freedom of the mixture. White noise
+/// The likeliest parts, none below 0, for variances that each have the distribution of χ² with the degrees of freedom of the mixture. All noise
 /// may have passed a low pass of first order before it was sampled: at averaging times of many time constants any low pass takes the same from
 /// a variance. Quantisation and a low pass change the shortest times in opposite directions and are not told apart beyond; one of them is 0.
 /// Intervals are those of the profile of the likelihood, which falls by as much as the covariances of the variances make it.
@@ -101,87 +94,7 @@ pub enum NoFit {
     },
 }
 
-/// An Allan variance with its degrees of freedom, and what each part adds to it.
-#[derive(Clone)]
-struct FittedOctave {
-    factor: usize,
-    time_s: f64,
-    variance: f64,
-    freedom: f64,
-    /// The stretches with differences, as lengths in samples with their number.
-    stretches: Vec<(usize, usize)>,
-}
-
-impl FittedOctave {
-    /// Minus the logarithm of the likelihood of the variance, by that of a perfect fit.
-    fn deviance(&self, expected: f64) -> f64 {
-        let ratio = self.variance / expected;
-        0.5 * self.freedom * (ratio - 1.0 - ratio.portable_ln())
-    }
-}
-
-/// Squares of the sizes, and the time constant of the low pass.
-#[derive(Clone, Copy)]
-struct Model {
-    sizes: [f64; PARTS],
-    /// The time constant in intervals.
-    memory: f64,
-}
-
-impl Model {
-    fn correlation(self) -> f64 {
-        if self.memory > 0.0 { (-self.memory.recip()).portable_exp() } else { 0.0 }
-    }
-
-    fn expected(&self, octave: &FittedOctave) -> f64 {
-        parts(octave, self.correlation()).iter().zip(&self.sizes).map(|(part, size)| part * size).sum()
-    }
-
-    fn shares(&self, octave: &FittedOctave) -> [f64; PARTS] {
-        let parts = parts(octave, self.correlation());
-        let all = self.expected(octave);
-        std::array::from_fn(|part| parts[part] * self.sizes[part] / all)
-    }
-}
-
-/// What the squares of Q, N, B and K add to Allan's variance (IEEE Std 952, annex C).
-fn parts(octave: &FittedOctave, correlation: f64) -> [f64; PARTS] {
-    let time_s = octave.time_s;
-    let white = low_passed(octave.factor, correlation) * octave.factor as f64 / time_s;
-    [3.0 / (time_s * time_s), white, FLOOR, time_s / 3.0]
-}
-
 impl NoiseFit {
-    /// Of Allan's deviations that these sums have, over a record of so many s.
-    pub fn of(
-        deviations: &[Confident],
-        sums: &OctaveSums,
-        interval_s: f64,
-        duration_s: f64,
-    ) -> Result<Self, NoFit> {
-        let octaves = octaves(deviations, sums);
-        let mut best: Option<(f64, usize, OctaveFit)> = None;
-        for left_out in 0..octaves.len() {
-            let rest = octaves[left_out..].to_vec();
-            if rest.len() < FEWEST {
-                break;
-            }
-            let Some(found) = OctaveFit::of(rest) else { continue };
-            let p = found.probability();
-            if best.as_ref().is_none_or(|(most, ..)| p > *most) && !found.begins_within_flicker() {
-                best = Some((p, left_out, found));
-            }
-            if best.as_ref().is_some_and(|(most, ..)| *most >= SIGNIFICANCE) {
-                break;
-            }
-        }
-        match best {
-            Some((p, left_out, found)) if p >= RARE => Ok(found.result(p, left_out, interval_s, duration_s)),
-            _ if octaves.len() < FEWEST => Err(NoFit::TooShort { octaves: octaves.len() }),
-            _ => Err(NoFit::None { p: best.map_or(0.0, |(p, ..)| p) }),
-        }
-    }
-
     /// Allan's variance at an averaging time of so many intervals.
     fn variance(&self, time_s: f64) -> f64 {
         self.model().expected(&self.octave(time_s))
@@ -190,13 +103,6 @@ impl NoiseFit {
     /// Allan's deviation at an averaging time in s.
     pub fn deviation(&self, time_s: f64) -> f64 {
         self.variance(time_s).sqrt()
-    }
-
-    /// The white noise and the flicker of Allan's variance at an averaging time in s.
-    pub(super) fn without_walk(&self, time_s: f64) -> f64 {
-        let mut model = self.model();
-        model.sizes[WALK] = 0.0;
-        model.expected(&self.octave(time_s))
     }
 
     /// The degrees of freedom of the deviation at an averaging time in s over stretches of so many samples, each so often.
@@ -214,7 +120,15 @@ impl NoiseFit {
     fn octave(&self, time_s: f64) -> FittedOctave {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count of samples
         let factor = (time_s / self.interval_s).round().max(1.0) as usize;
-        FittedOctave { factor, time_s, variance: f64::NAN, freedom: f64::NAN, stretches: Vec::new() }
+        let difference = PhaseDifference::ALLAN;
+        FittedOctave {
+            difference,
+            factor,
+            time_s,
+            variance: f64::NAN,
+            freedom: f64::NAN,
+            stretches: Vec::new(),
+        }
     }
 
     fn model(&self) -> Model {
@@ -223,40 +137,54 @@ impl NoiseFit {
     }
 }
 
-fn octaves(deviations: &[Confident], sums: &OctaveSums) -> Vec<FittedOctave> {
-    let usable = |d: &&Confident| d.freedom.is_finite() && d.freedom > 0.0 && d.averaged.deviation > 0.0;
-    let of = |d: &Confident| FittedOctave {
-        factor: d.averaged.factor,
-        time_s: d.averaged.time_s,
-        variance: d.averaged.deviation.powi(2),
-        freedom: d.freedom,
-        stretches: sums.stretches(d.averaged.factor),
-    };
-    deviations.iter().filter(usable).map(of).collect()
-}
-
-/// Cov(A₁, A₂)/(E A₁·E A₂) of the variances at two averaging times, of which the first is not the longer one.
-fn covariance(model: &Model, octaves: [&FittedOctave; 2]) -> Option<f64> {
-    let [first, second] = octaves.map(|octave| model.shares(octave));
-    let pair = OctavePair {
-        factors: octaves.map(|octave| octave.factor),
-        shares: std::array::from_fn(|part| [first[part], second[part]]),
-        memory: model.correlation(),
-    };
-    pair.covariance(octaves.map(|octave| octave.stretches.as_slice()))
-}
-
 /// The likeliest model of some octaves, and how their variances scatter about it.
-struct OctaveFit {
+pub(super) struct OctaveFit {
     octaves: Vec<FittedOctave>,
-    model: Model,
+    pub model: Model,
     cost: f64,
+    /// How often variances of such noise would leave as much, and how many averaging times before are not described.
+    p: f64,
+    left_out: usize,
     /// Cov(A_i, A_j)/(E A_i·E A_j).
     covariance: Vec<Vec<f64>>,
 }
 
 impl OctaveFit {
-    fn of(mut octaves: Vec<FittedOctave>) -> Option<Self> {
+    /// Of the deviations of differences that these sums have: from the first averaging time on from which it holds.
+    pub fn of(
+        difference: PhaseDifference,
+        deviations: &[Confident],
+        sums: &OctaveSums,
+    ) -> Result<Self, NoFit> {
+        let usable = |d: &&Confident| d.freedom.is_finite() && d.freedom > 0.0 && d.averaged.deviation > 0.0;
+        let octave = |d: &Confident| FittedOctave {
+            difference,
+            factor: d.averaged.factor,
+            time_s: d.averaged.time_s,
+            variance: d.averaged.deviation.powi(2),
+            freedom: d.freedom,
+            stretches: sums.stretches(d.averaged.factor),
+        };
+        let octaves: Vec<FittedOctave> = deviations.iter().filter(usable).map(octave).collect();
+        if octaves.len() < FEWEST {
+            return Err(NoFit::TooShort { octaves: octaves.len() });
+        }
+        let mut best: Option<Self> = None;
+        for left_out in 0..=octaves.len() - FEWEST {
+            let Some(mut found) = Self::of_octaves(octaves[left_out..].to_vec()) else { continue };
+            (found.p, found.left_out) = (found.probability(), left_out);
+            if best.as_ref().is_none_or(|best| found.p > best.p) && !found.begins_within_flicker() {
+                best = Some(found);
+            }
+            if best.as_ref().is_some_and(|best| best.p >= SIGNIFICANCE) {
+                break;
+            }
+        }
+        let p = best.as_ref().map_or(0.0, |best| best.p);
+        best.filter(|best| best.p >= RARE).ok_or(NoFit::None { p })
+    }
+
+    fn of_octaves(mut octaves: Vec<FittedOctave>) -> Option<Self> {
         let mut model = likeliest_of_all(&octaves);
         for _ in 0..ROUNDS {
             for octave in &mut octaves {
@@ -272,12 +200,13 @@ impl OctaveFit {
             entries.collect::<Option<Vec<f64>>>()
         });
         let matrix = rows.collect::<Option<_>>()?;
-        Some(Self { cost: cost(&octaves, &model), octaves, model, covariance: matrix })
+        let cost = cost(&octaves, &model);
+        Some(Self { octaves, model, cost, p: 0.0, left_out: 0, covariance: matrix })
     }
 
     /// The derivatives of ln E A by the squares of the parts, each times a scale of its own, and by the logarithm of the time constant.
     fn gradient(&self, octave: &FittedOctave) -> [f64; COLUMNS] {
-        let parts = parts(octave, self.model.correlation());
+        let parts = parts(octave, self.model.memory);
         let expected = self.model.expected(octave);
         let mut gradient = [0.0; COLUMNS];
         for (part, value) in parts.iter().enumerate() {
@@ -292,7 +221,7 @@ impl OctaveFit {
 
     /// A size of a part at which it is seen: its own, or the largest that it could be.
     fn scale(&self, part: usize) -> f64 {
-        let most = || largest_possible(&self.octaves, part, self.model.correlation());
+        let most = || largest_possible(&self.octaves, part, self.model.memory);
         if self.model.sizes[part] > 0.0 { self.model.sizes[part] } else { most() }
     }
 
@@ -379,7 +308,8 @@ impl OctaveFit {
         ChiSquared::new(mean / scale).map_or(0.0, |law| 1.0 - law.cdf(deviance / scale))
     }
 
-    fn result(&self, p: f64, left_out: usize, interval_s: f64, duration_s: f64) -> NoiseFit {
+    /// The sizes with their intervals, of a record of so many s.
+    pub fn result(&self, interval_s: f64, duration_s: f64) -> NoiseFit {
         let of = |part: usize| (self.model.sizes[part].sqrt(), self.interval(part).map(f64::sqrt));
         // What lasts longer than an eighth of the record is told by the variances at that time and beyond.
         let mut within = self.octaves.iter().filter(|octave| octave.time_s <= duration_s / 8.0);
@@ -390,8 +320,8 @@ impl OctaveFit {
             quantisation: of(QUANTISATION),
             time_constant_s: self.model.memory * interval_s,
             from_s: self.octaves.first().map_or(f64::NAN, |octave| octave.time_s),
-            left_out,
-            p,
+            left_out: self.left_out,
+            p: self.p,
             interval_s,
             freedom_of_whole: within
                 .next_back()
@@ -413,18 +343,24 @@ impl OctaveFit {
                 covariance.0[part][part] / inverse.0[part][part]
             })
         };
-        of(seen).max(of(all)).max(OVERLAP)
+        let is_allan = self.octaves.first().is_some_and(|octave| octave.difference == PhaseDifference::ALLAN);
+        of(seen).max(of(all)).max(if is_allan { OVERLAP } else { HADAMARD_OVERLAP })
+    }
+
+    /// The likeliest model with this square of a part, and its cost above the least one.
+    fn profile(&self, part: usize, size: f64) -> (Model, f64) {
+        let (model, cost) = likeliest(&self.octaves, Some((part, size)), Some(self.model.memory));
+        (model, cost - self.cost)
     }
 
     /// The squares of a part that are likely enough, the others being the likeliest beside them.
     fn interval(&self, part: usize) -> [f64; 2] {
         let best = self.model.sizes[part];
         let fall = FALL * self.inflation(part);
-        let at = |size: f64| likeliest(&self.octaves, Some((part, size)), Some(self.model.memory));
         // A part that is nowhere seen is looked for from what it may be at most.
-        let middle = best.max(1e-12 * largest_possible(&self.octaves, part, self.model.correlation()));
+        let middle = best.max(1e-12 * largest_possible(&self.octaves, part, self.model.memory));
         let end = |factor: f64, fall: f64| {
-            let falls = |size: f64| at(size).1 - self.cost - fall;
+            let falls = |size: f64| self.profile(part, size).1 - fall;
             let (mut near, mut far) = (middle, middle * factor);
             if falls(far) < 0.0 {
                 return None;
@@ -439,7 +375,7 @@ impl OctaveFit {
         let low = if best > 0.0 { end(FARTHEST.recip(), fall).unwrap_or(0.0) } else { 0.0 };
         let farthest = if best > 0.0 { FARTHEST } else { 1e16 };
         let high = end(farthest, fall);
-        let is_alone = high.is_some_and(|size| self.has_vanished_in(&at(size).0, part));
+        let is_alone = high.is_some_and(|size| self.has_vanished_in(&self.profile(part, size).0, part));
         let high = if is_alone { end(farthest, VANISHED * fall) } else { high };
         // The likeliest size is in its interval, however flat the likelihood is there.
         [low.min(best), high.unwrap_or(f64::INFINITY).max(best)]
@@ -449,176 +385,4 @@ impl OctaveFit {
     fn has_vanished_in(&self, model: &Model, part: usize) -> bool {
         (0..PARTS).any(|other| other != part && self.model.sizes[other] > 0.0 && model.sizes[other] <= 0.0)
     }
-}
-
-/// The square of a part that alone explains the smallest of the variances by it.
-fn largest_possible(octaves: &[FittedOctave], part: usize, correlation: f64) -> f64 {
-    octaves.iter().map(|o| o.variance / parts(o, correlation)[part]).fold(f64::INFINITY, f64::min)
-}
-
-fn cost(octaves: &[FittedOctave], model: &Model) -> f64 {
-    octaves.iter().map(|octave| octave.deviance(model.expected(octave))).sum()
-}
-
-fn likeliest_of_all(octaves: &[FittedOctave]) -> Model {
-    likeliest(octaves, None, None).0
-}
-
-/// The likeliest model with or without quantisation, one of its parts held where that is wanted; with its cost. The time constant is
-/// looked for about `near`.
-fn likeliest(octaves: &[FittedOctave], held: Option<(usize, f64)>, near: Option<f64>) -> (Model, f64) {
-    let with = |memory: f64| {
-        let sizes = likeliest_sizes(octaves, held, memory);
-        let model = Model { sizes, memory };
-        (model, cost(octaves, &model))
-    };
-    let mut best = with(0.0);
-    // Held quantisation leaves no room for a low pass.
-    if held.is_some_and(|(part, size)| part == QUANTISATION && size > 0.0) {
-        return best;
-    }
-    let longest = octaves.first().map_or(0.0, |octave| octave.factor as f64);
-    let (low, high) = match near {
-        Some(near) if near > 0.0 => (0.25 * near, (4.0 * near).min(longest)),
-        _ => (SHORTEST_MEMORY * longest, longest),
-    };
-    let mut middle = None;
-    let mut memory = low;
-    while memory <= high {
-        let found = with(memory);
-        if found.1 < best.1 {
-            best = found;
-            middle = Some(memory);
-        }
-        memory *= 2.0;
-    }
-    let Some(middle) = middle else { return best };
-    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let (mut a, mut b) = ((0.5 * middle).portable_ln(), (2.0 * middle).min(longest).portable_ln());
-    let at = |logarithm: f64| with(logarithm.portable_exp());
-    let (mut left, mut right) = (at(b - golden * (b - a)), at(a + golden * (b - a)));
-    for _ in 0..SECTIONS {
-        if left.1 < right.1 {
-            b = a + golden * (b - a);
-            right = left;
-            left = at(b - golden * (b - a));
-        } else {
-            a = b - golden * (b - a);
-            left = right;
-            right = at(a + golden * (b - a));
-        }
-    }
-    for found in [left, right] {
-        if found.1 < best.1 {
-            best = found;
-        }
-    }
-    best
-}
-
-/// The likeliest squares of the parts for a time constant, by scoring: each step is a weighted least squares with sizes of at least 0.
-fn likeliest_sizes(octaves: &[FittedOctave], held: Option<(usize, f64)>, memory: f64) -> [f64; PARTS] {
-    let correlation = Model { sizes: [0.0; PARTS], memory }.correlation();
-    let columns: Vec<[f64; PARTS]> = octaves.iter().map(|octave| parts(octave, correlation)).collect();
-    // Quantisation and a low pass are not told apart.
-    let is_possible = |part: usize| part != QUANTISATION || memory <= 0.0;
-    let fixed = held.filter(|(part, _)| is_possible(*part));
-    let is_free = |part: usize| held.is_none_or(|(own, _)| own != part) && is_possible(part);
-    // All parts begin as if each explained the variances by itself.
-    let count = octaves.len() as f64;
-    let mut sizes: [f64; PARTS] = std::array::from_fn(|part| match fixed {
-        Some((own, size)) if own == part => size,
-        _ if is_free(part) => largest_possible(octaves, part, correlation) / count,
-        _ => 0.0,
-    });
-    let expected = |place: usize, sizes: &[f64; PARTS]| -> f64 {
-        columns[place].iter().zip(sizes).map(|(part, size)| part * size).sum()
-    };
-    let of = |sizes: &[f64; PARTS]| -> f64 {
-        octaves.iter().enumerate().map(|(place, octave)| octave.deviance(expected(place, sizes))).sum()
-    };
-    let mut least = of(&sizes);
-    for _ in 0..STEPS {
-        let each = octaves.iter().enumerate();
-        let weights: Vec<f64> =
-            each.map(|(place, octave)| octave.freedom / expected(place, &sizes).powi(2)).collect();
-        let target = bounded_least_squares(octaves, &columns, &weights, fixed, is_free);
-        let mut part_of_step = 1.0;
-        let mut next = None;
-        for _ in 0..STEP_HALVINGS {
-            let trial: [f64; PARTS] =
-                std::array::from_fn(|part| sizes[part] + part_of_step * (target[part] - sizes[part]));
-            let found = of(&trial);
-            if found < least {
-                next = Some((trial, found));
-                break;
-            }
-            part_of_step *= 0.5;
-        }
-        let Some((trial, found)) = next else { break };
-        let gained = least - found;
-        (sizes, least) = (trial, found);
-        if gained < 1e-11 * (1.0 + least) {
-            break;
-        }
-    }
-    sizes
-}
-
-/// Σ w·(A − Σ p·θ)² at its least with no θ below 0: the best of all subsets of the free parts.
-fn bounded_least_squares(
-    octaves: &[FittedOctave],
-    columns: &[[f64; PARTS]],
-    weights: &[f64],
-    fixed: Option<(usize, f64)>,
-    is_free: impl Fn(usize) -> bool,
-) -> [f64; PARTS] {
-    let start =
-        || std::array::from_fn(|part| fixed.filter(|(own, _)| *own == part).map_or(0.0, |(_, size)| size));
-    let left: Vec<f64> = octaves
-        .iter()
-        .zip(columns)
-        .map(|(octave, column)| octave.variance - fixed.map_or(0.0, |(part, size)| column[part] * size))
-        .collect();
-    let scales: [f64; PARTS] = std::array::from_fn(|part| {
-        columns.iter().zip(weights).map(|(c, w)| w * c[part] * c[part]).sum::<f64>().sqrt()
-    });
-    let (mut best, mut least) = (start(), f64::INFINITY);
-    for subset in 0_usize..1 << PARTS {
-        let chosen = |part: usize| subset >> part & 1 == 1;
-        if (0..PARTS).any(|part| chosen(part) && !is_free(part)) {
-            continue;
-        }
-        let mut normal = Mat::<f64, PARTS, PARTS>::identity();
-        let mut right = Mat::<f64, PARTS, 1>::zero();
-        for a in (0..PARTS).filter(|part| chosen(*part)) {
-            for b in (0..PARTS).filter(|part| chosen(*part)) {
-                let sum: f64 = columns.iter().zip(weights).map(|(c, w)| w * c[a] * c[b]).sum();
-                normal.0[a][b] = sum / (scales[a] * scales[b]);
-            }
-            let each = columns.iter().zip(weights).zip(&left);
-            right.0[a][0] = each.map(|((c, w), left)| w * c[a] * left).sum::<f64>() / scales[a];
-        }
-        let Some(lu) = Lu::of(&normal) else { continue };
-        let solution = lu.solve(&right);
-        if (0..PARTS).any(|part| chosen(part) && solution.0[part][0] < 0.0) {
-            continue;
-        }
-        let mut sizes: [f64; PARTS] = start();
-        for part in (0..PARTS).filter(|part| chosen(*part)) {
-            sizes[part] = solution.0[part][0] / scales[part];
-        }
-        let each = columns.iter().zip(weights).zip(&left);
-        let sum: f64 = each
-            .map(|((c, w), left)| {
-                let beyond = left
-                    - (0..PARTS).filter(|part| chosen(*part)).map(|part| c[part] * sizes[part]).sum::<f64>();
-                w * beyond * beyond
-            })
-            .sum();
-        if sum < least {
-            (best, least) = (sizes, sum);
-        }
-    }
-    best
 }

@@ -1,4 +1,4 @@
-//! How overlapping Allan variances of a mixture of noises scatter about their expectations, and with one another.
+//! How overlapping Allan's or Hadamard's variances of a mixture of noises scatter about their expectations, and with one another.
 
 use kalmems_core::Portable;
 
@@ -18,8 +18,44 @@ const FARTHEST: usize = 32;
 /// From this many intervals on the phase of flicker is that of continuous time.
 const CONTINUOUS: f64 = 64.0;
 
+/// Differences of the phase, of which a variance is the mean square.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct PhaseDifference {
+    weights: &'static [f64],
+    /// What the sum of the squares is divided by.
+    divisor: f64,
+}
+
+impl PhaseDifference {
+    /// Second differences: a rate that changes evenly adds R²·τ²/2.
+    pub const ALLAN: Self = Self { weights: &[1.0, -2.0, 1.0], divisor: 2.0 };
+    /// Third differences: an even change adds nothing.
+    pub const HADAMARD: Self = Self { weights: &[1.0, -3.0, 3.0, -1.0], divisor: 6.0 };
+
+    /// Averaging times that a difference extends over.
+    pub const fn order(self) -> usize {
+        self.weights.len() - 1
+    }
+
+    /// The weights of two differences, the latter by the lag of their phases in averaging times.
+    fn products(self) -> impl Iterator<Item = ([usize; 2], f64)> {
+        let each = self.weights.iter().enumerate();
+        each.flat_map(move |(a, first)| {
+            self.weights.iter().enumerate().map(move |(b, second)| ([a, b], first * second))
+        })
+    }
+
+    /// The variance of a phase with this generalised covariance, which is that of a lag in averaging times.
+    pub fn variance(self, covariance: impl Fn(f64) -> f64) -> f64 {
+        let sum: f64 =
+            self.products().map(|([a, b], weight)| weight * covariance(a.abs_diff(b) as f64)).sum();
+        sum / self.divisor
+    }
+}
+
 /// The noise of the averaging times `factors`, of which the first is not the longer one.
 pub(super) struct OctavePair {
+    pub difference: PhaseDifference,
     /// Both averaging times in intervals; powers of two.
     pub factors: [usize; 2],
     /// The part of each noise in both Allan variances, each summing up to 1.
@@ -29,16 +65,17 @@ pub(super) struct OctavePair {
 }
 
 impl OctavePair {
-    /// Cov(A₁, A₂)/(E A₁·E A₂) of two overlapping Allan variances; that of a variance with itself is 2/ν with its degrees of freedom ν. `None`
+    /// Cov(A₁, A₂)/(E A₁·E A₂) of two overlapping variances; that of a variance with itself is 2/ν with its degrees of freedom ν. `None`
     /// where no stretch is long enough. The stretches are those with differences at either averaging time, as lengths in samples with their
     /// number: a gap that ends one at the shorter time may be short for the longer one.
     ///
-    /// The second differences of the phase are normal, and of two normal numbers the squares have the covariance 2·Cov²; summed over all
+    /// The differences of the phase are normal, and of two normal numbers the squares have the covariance 2·Cov²; summed over all
     /// pairs by their lag. Of several noises the covariances of the differences add up before they are squared.
     pub fn covariance(&self, stretches: [&[(usize, usize)]; 2]) -> Option<f64> {
         let [m, n] = self.factors;
         let [own, stretches] = stretches;
-        let terms = |factor: usize, samples: usize| (samples + 1).saturating_sub(2 * factor);
+        let order = self.difference.order();
+        let terms = |factor: usize, samples: usize| (samples + 1).saturating_sub(order * factor);
         let all = |stretches: &[(usize, usize)], factor: usize| {
             let each = stretches.iter().map(|(samples, count)| count * terms(factor, *samples));
             each.sum::<usize>() as f64
@@ -66,8 +103,9 @@ impl OctavePair {
         let finest = (m / FINENESS).min((first_most + second_most) / (2 * FINENESS)).max(1);
         let smooth = SmoothCovariance::of(self, 1 << finest.ilog2());
         let step = smooth.step;
-        let middle = signed(m) - signed(n);
-        let reach = signed(REACH * n);
+        // The middles of both differences are at one place.
+        let middle = signed(order) * (signed(m) - signed(n)) / 2;
+        let reach = signed((REACH + order - 2) * n);
         let (from, to) =
             ((middle - reach).max(-signed(first_most)), (middle + reach).min(signed(second_most)));
         let mut sum = 0.0;
@@ -87,15 +125,14 @@ impl OctavePair {
     /// The lags at which differences of quantisation share samples, and their correlation there, by its share.
     fn spikes(&self) -> Vec<(i64, f64)> {
         let [m, n] = self.factors.map(signed);
-        let size = self.share(QUANTISATION) / 6.0;
+        let whole = self.difference.divisor * self.difference.variance(|lag| f64::from(u8::from(lag == 0.0)));
+        let size = self.share(QUANTISATION) / whole;
         let mut spikes: Vec<(i64, f64)> = Vec::new();
-        for (a, first) in DIFFERENCE.into_iter().enumerate() {
-            for (b, second) in DIFFERENCE.into_iter().enumerate() {
-                let lag = signed(a) * m - signed(b) * n;
-                match spikes.iter_mut().find(|(own, _)| *own == lag) {
-                    Some((_, value)) => *value += size * first * second,
-                    None => spikes.push((lag, size * first * second)),
-                }
+        for ([a, b], weight) in self.difference.products() {
+            let lag = signed(a) * m - signed(b) * n;
+            match spikes.iter_mut().find(|(own, _)| *own == lag) {
+                Some((_, value)) => *value += size * weight,
+                None => spikes.push((lag, size * weight)),
             }
         }
         spikes
@@ -107,15 +144,12 @@ impl OctavePair {
     }
 }
 
-/// The weights of a second difference.
-const DIFFERENCE: [f64; 3] = [1.0, -2.0, 1.0];
-
 #[allow(clippy::cast_possible_wrap)] // counts of samples
 const fn signed(count: usize) -> i64 {
     count as i64
 }
 
-/// The correlation of two second differences by their lag, for all noises whose phase is continuous.
+/// The correlation of two differences by their lag, for all noises whose phase is continuous.
 struct SmoothCovariance<'a> {
     pair: &'a OctavePair,
     /// From one lag to the next; a power of two not above the shorter averaging time.
@@ -133,11 +167,13 @@ impl<'a> SmoothCovariance<'a> {
     fn of(pair: &'a OctavePair, step: usize) -> Self {
         let [m, n] = pair.factors;
         // Of the lags themselves, and what both differences reach beyond them.
-        let last = ((REACH + 2) * n + 3 * m) / step + 2;
+        let order = pair.difference.order();
+        let last = ((REACH + 2 * order - 2) * n + (order + 1) * m) / step + 2;
         let scales: [f64; PARTS] = std::array::from_fn(|part| {
+            let difference = pair.difference;
             let variance = |factor: usize| {
                 let at = |times: f64| phase_covariance(part, times * factor as f64, pair.memory);
-                6.0 * at(0.0) - 8.0 * at(1.0) + 2.0 * at(2.0)
+                difference.divisor * difference.variance(at)
             };
             let share = pair.share(part);
             if part == QUANTISATION || share == 0.0 {
@@ -160,21 +196,18 @@ impl<'a> SmoothCovariance<'a> {
     fn at(&self, lag: i64) -> f64 {
         let [m, n] = self.pair.factors.map(signed);
         let mut sum = 0.0;
-        for (a, first) in DIFFERENCE.into_iter().enumerate() {
-            for (b, second) in DIFFERENCE.into_iter().enumerate() {
-                let apart = (lag + signed(b) * n - signed(a) * m).unsigned_abs();
-                #[allow(clippy::cast_possible_truncation)] // looked up only where it is in the table
-                let place = (apart / self.step.unsigned_abs()) as usize;
-                let value = self.phase.get(place).copied().unwrap_or_else(|| self.phase_at(apart as f64));
-                sum += first * second * value;
-            }
+        for ([a, b], weight) in self.pair.difference.products() {
+            let apart = (lag + signed(b) * n - signed(a) * m).unsigned_abs();
+            #[allow(clippy::cast_possible_truncation)] // looked up only where it is in the table
+            let place = (apart / self.step.unsigned_abs()) as usize;
+            sum += weight * self.phase.get(place).copied().unwrap_or_else(|| self.phase_at(apart as f64));
         }
         sum
     }
 }
 
 /// The generalised covariance of a noise's phase so many intervals apart, up to a factor.
-fn phase_covariance(part: usize, lag: f64, memory: f64) -> f64 {
+pub(super) fn phase_covariance(part: usize, lag: f64, memory: f64) -> f64 {
     match part {
         // −½ the variance of a sum of samples of which neighbours have this correlation.
         WHITE => -0.5 * correlated_sum(lag, memory),
@@ -198,10 +231,10 @@ fn correlated_sum(samples: f64, memory: f64) -> f64 {
     samples - 2.0 * memory * (1.0 - memory.portable_powf(samples)) / (1.0 - memory * memory)
 }
 
-/// Allan's variance of low-passed white noise at an averaging time of so many intervals, by N²/τ₀.
-pub(super) fn low_passed(factor: usize, memory: f64) -> f64 {
+/// The variance of low-passed white noise at an averaging time of so many intervals, by N²/τ₀.
+pub(super) fn low_passed(difference: PhaseDifference, factor: usize, memory: f64) -> f64 {
     let m = factor as f64;
-    (2.0 * correlated_sum(m, memory) - 0.5 * correlated_sum(2.0 * m, memory)) / (m * m)
+    difference.variance(|times| phase_covariance(WHITE, times * m, memory)) / (m * m)
 }
 
 #[cfg(test)]
@@ -213,7 +246,7 @@ mod tests {
     fn pure(part: usize, factors: [usize; 2]) -> OctavePair {
         let mut shares = [[0.0; 2]; PARTS];
         shares[part] = [1.0; 2];
-        OctavePair { factors, shares, memory: 0.0 }
+        OctavePair { difference: PhaseDifference::ALLAN, factors, shares, memory: 0.0 }
     }
 
     /// Riley, NIST Special Publication 1065, 2008, section 5.4.1: fitted formulas for N phases, some 5 % from the truth at the longest times.
@@ -277,14 +310,20 @@ mod tests {
                 for part in [QUANTISATION, WHITE] {
                     shares[part] = [of_m[part] / (of_m[0] + of_m[1]), of_n[part] / (of_n[0] + of_n[1])];
                 }
-                let pair = OctavePair { factors: [m, n], shares, memory: 0.0 };
+                let pair =
+                    OctavePair { difference: PhaseDifference::ALLAN, factors: [m, n], shares, memory: 0.0 };
                 let mean = |values: &[f64]| values.iter().sum::<f64>() / RECORDS as f64;
                 let [a, b] = [mean(&found[i]), mean(&found[j])];
                 let products = found[i].iter().zip(&found[j]).map(|(x, y)| (x / a - 1.0) * (y / b - 1.0));
                 let simulated = products.sum::<f64>() / RECORDS as f64;
                 let own = |factor: usize, place: usize| {
                     let own = shares.map(|share| [share[place]; 2]);
-                    let pair = OctavePair { factors: [factor; 2], shares: own, memory: 0.0 };
+                    let pair = OctavePair {
+                        difference: PhaseDifference::ALLAN,
+                        factors: [factor; 2],
+                        shares: own,
+                        memory: 0.0,
+                    };
                     pair.covariance([&[(SAMPLES, 1)]; 2]).unwrap()
                 };
                 let scale = (own(m, 0) * own(n, 1)).sqrt();
@@ -306,8 +345,11 @@ mod tests {
             let x = factor as f64 / 400.0;
             let published = (1.0 - (3.0 - 4.0 * (-x).portable_exp() + (-2.0 * x).portable_exp()) / (2.0 * x))
                 / factor as f64;
-            assert!((low_passed(factor, memory) / published - 1.0).abs() < 1e-3, "{factor}");
+            assert!(
+                (low_passed(PhaseDifference::ALLAN, factor, memory) / published - 1.0).abs() < 1e-3,
+                "{factor}"
+            );
         }
-        assert_eq!(low_passed(8, 0.0), 1.0 / 8.0);
+        assert_eq!(low_passed(PhaseDifference::ALLAN, 8, 0.0), 1.0 / 8.0);
     }
 }

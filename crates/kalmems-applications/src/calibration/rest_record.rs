@@ -369,11 +369,11 @@ impl MeasuredRest {
                 fit.from_s
             ));
         }
-        if let Some(drift) = found.drift {
+        if let (Some(drift), Some(ramp)) = (found.drift, found.rate_ramp) {
             remarks.push(format!(
-                "{place}: the second half of the record lies {drift:+.3e} {} from the first, more than white noise and flicker explain: the bias drifts, \
-                 as it does while a unit warms up. The fitted random walk holds for this record and not for a unit in thermal equilibrium.",
-                sensor.unit()
+                "{place}: the bias changes evenly by {ramp:+.3e} {unit}/s, and the second half of the record lies {drift:+.3e} {unit} from the first, as \
+                 while a unit warms up. The noise is stated without this ramp.",
+                unit = sensor.unit()
             ));
         }
         self.axes.push(found);

@@ -583,7 +583,8 @@ pub(super) fn at_rest(rests: &[&AxisAtRest]) -> impl Iterator<Item = TextTable> 
         ColumnHead::number("to", ""),
         ColumnHead::text("unit"),
     ];
-    let mut noises = TextTable::new("Noise at rest, fitted to Allan's variances", columns);
+    let mut noises =
+        TextTable::new("Noise at rest, fitted to Allan's variances, and an even change of the bias", columns);
     for rest in rests {
         let estimate = rest.bias_estimate();
         let [value, expanded] = with_uncertainty(1e3 * estimate.value, 1e3 * estimate.expanded());
@@ -600,7 +601,7 @@ pub(super) fn at_rest(rests: &[&AxisAtRest]) -> impl Iterator<Item = TextTable> 
         for term in rest.noise_terms() {
             let (factor, unit) = term.shown;
             let Some([low, high]) = term.interval.map(|ends| ends.map(|end| end * factor)) else { continue };
-            let number = |number: f64| if number > 0.0 { three_digits(number) } else { "0".to_owned() };
+            let number = |number: f64| if number == 0.0 { "0".to_owned() } else { three_digits(number) };
             let value =
                 term.value.map_or_else(|| format!("< {}", number(high)), |value| number(value * factor));
             noises.push([
@@ -792,7 +793,7 @@ fn of_rest(rests: &[&AxisAtRest], sensor: InertialSensor) -> Figure {
             }
         }
         if let Some([bias, _]) = rest.bias_instability {
-            let floor = shown(bias * super::noise_fit::FLOOR.sqrt());
+            let floor = shown(bias * super::noise_model::FLOOR.sqrt());
             panel = panel.with(Series::level("floor of the bias instability", SeriesRole::Bound, floor));
         }
         figure.with(panel)

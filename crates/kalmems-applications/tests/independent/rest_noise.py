@@ -14,20 +14,24 @@ import tempfile
 import numpy as np
 
 RATE, COUNT, BIAS = 10.0, 8192, 0.02
-TERMS = ["angle_random_walk", "bias_instability", "rate_random_walk", "quantisation"]
+TERMS = ["angle_random_walk", "bias_instability", "rate_random_walk", "quantisation", "rate_ramp"]
 WALK, FLICKER = 3e-4, 4.76e-4
-# Angle random walk, bias instability, rate random walk and quantisation, and what else happens to the record.
+# Ten standard deviations of a slope by the white noise alone.
+RAMP = 10 * WALK * np.sqrt(12 / (COUNT / RATE) ** 3)
+# Angle random walk, bias instability, rate random walk, quantisation and ramp, and what else happens to the record.
 KINDS = {
-    "white": ([WALK, 0, 0, 0], ""),
-    "flicker from 10 s on": ([WALK, FLICKER, 0, 0], ""),
-    "flicker alone": ([0, 1e-3, 0, 0], ""),
-    "random walk": ([WALK, 0, 3e-5, 0], ""),
-    "quantisation": ([WALK, 0, 0, 1e-3], ""),
-    "low-passed": ([WALK, 2e-4, 0, 0], "low pass"),
-    "with a line": ([WALK, 2e-4, 0, 0], "line"),
-    "gapped": ([WALK, FLICKER, 0, 0], "gaps"),
-    "irregular": ([WALK, FLICKER, 0, 0], "irregular"),
-    "bursty": ([WALK, FLICKER, 0, 0], "bursts"),
+    "white": ([WALK, 0, 0, 0, 0], ""),
+    "flicker from 10 s on": ([WALK, FLICKER, 0, 0, 0], ""),
+    "flicker alone": ([0, 1e-3, 0, 0, 0], ""),
+    "random walk": ([WALK, 0, 3e-5, 0, 0], ""),
+    "quantisation": ([WALK, 0, 0, 1e-3, 0], ""),
+    "low-passed": ([WALK, 2e-4, 0, 0, 0], "low pass"),
+    "with a line": ([WALK, 2e-4, 0, 0, 0], "line"),
+    "gapped": ([WALK, FLICKER, 0, 0, 0], "gaps"),
+    "irregular": ([WALK, FLICKER, 0, 0, 0], "irregular"),
+    "bursty": ([WALK, FLICKER, 0, 0, 0], "bursts"),
+    "ramp": ([WALK, 0, 0, 0, RAMP], ""),
+    "flicker and ramp": ([WALK, FLICKER, 0, 0, 5 * RAMP], ""),
 }
 
 
@@ -45,7 +49,7 @@ def flicker(random, instability):
 
 def record(random, sizes, what):
     """The samples of one gyroscope, the first 200 of them before it begins."""
-    walk, instability, rate_walk, quantisation = sizes
+    walk, instability, rate_walk, quantisation, ramp = sizes
     rate = walk * np.sqrt(RATE) * random.standard_normal(COUNT + 200) + flicker(random, instability)
     if what == "low pass":
         memory, state = np.exp(-1 / 4), 0.0
@@ -54,6 +58,7 @@ def record(random, sizes, what):
             rate[k] = state
     rate = rate[200:] + BIAS + rate_walk / np.sqrt(RATE) * np.cumsum(random.standard_normal(COUNT))
     rate += RATE * np.diff(quantisation * np.sqrt(12) * random.uniform(-0.5, 0.5, COUNT + 1))
+    rate += ramp * (np.arange(COUNT) - (COUNT - 1) / 2) / RATE
     if what == "line":
         rate += 3e-3 * np.sin(2 * np.pi * 1065.4 / COUNT * np.arange(COUNT))
     return rate
