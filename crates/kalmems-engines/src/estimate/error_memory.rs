@@ -40,7 +40,7 @@ const SPAN: u32 = 1024;
 
 /// Follows how errors of now show in the errors to come, one of each state.
 ///
-/// With the gain K and the step F the error goes over as \((1 - K H) F\), and \((1 - K H) = P^+ (P^-)^{-1}\) of a filter whose gain is
+/// With the gain K and the step F the error goes over as \\((1 - K H) F\\), and \\((1 - K H) = P^+ (P^-)^{-1}\\) of a filter whose gain is
 /// the optimal one. So the covariance of an error with that of now is carried on, and its square, normalised, is summed up over time. Nothing of it
 /// knows what the errors are: an error that does not go away, such as that of a wrong scale, does not excuse itself by lasting.
 #[derive(Clone)]
