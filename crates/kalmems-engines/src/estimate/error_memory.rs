@@ -194,7 +194,7 @@ impl<const N: usize> FollowedError<N> {
     }
 
     /// Carries its covariances on; whether something of them is left.
-    #[allow(clippy::needless_range_loop)]
+    #[allow(clippy::needless_range_loop)] // as in `ErrorMemory::take`
     fn carry(
         &mut self,
         i: usize,
