@@ -29,6 +29,7 @@ use crate::metrology::{Combined, coverage_factor};
 use crate::named_files::NamedFiles;
 use crate::progress::Progress;
 use crate::recording::{OF_RECORD, Purpose};
+use crate::signal::PortableComplex;
 use kalmems_core::Portable;
 use kalmems_figures::Figure;
 use realfft::num_complex::Complex64;
@@ -470,7 +471,8 @@ impl ReferenceCalibration<'_> {
         let rate_hz = self.file.gyroscope.rate.si();
         let records = self.records.iter().zip(self.tones).zip(tones.iter().zip(pairs));
         let figures = records.enumerate().filter_map(|(place, ((record, shown), (tone, pair)))| {
-            let (reference, amplitude) = (pair.reference[main].norm(), pair.shown[main]?.norm());
+            let (reference, amplitude) =
+                (pair.reference[main].portable_norm(), pair.shown[main]?.portable_norm());
             let scale_factor = amplitude / reference;
             let relative = (pair.reference_deviation[main] / reference)
                 .portable_hypot(pair.shown_deviation[main] / amplitude);
@@ -509,7 +511,7 @@ impl ReferenceCalibration<'_> {
                 let interval = (times.last()? - times.first()?) / (times.len() - 1) as f64;
                 let half = HALF_WINDOW * interval * tone.frequency_hz;
                 let at = |signals: &super::tone::AxisSignals, tone: &VibrationTone| {
-                    let phase = tone.axes[main]?.phasor.arg();
+                    let phase = tone.axes[main]?.phasor.portable_arg();
                     signals.crest_to_trough(main, tone.frequency_hz, phase, half)
                 };
                 if known.shows[main] == ReferenceQuantity::Angle || half > 0.1 {
@@ -531,7 +533,7 @@ impl ReferenceCalibration<'_> {
         for ((record, shown), (tone, (pair, turn))) in
             self.records.iter().zip(self.tones).zip(tones.iter().zip(pairs.iter().zip(turns)))
         {
-            let turn = Complex64::from_polar(1.0, *turn);
+            let turn = Complex64::portable_polar(1.0, *turn);
             let found = record.forces.components(shown.frequency_hz);
             shaken.push(ShakenRecord {
                 frequency_hz: tone.frequency_hz,
@@ -666,14 +668,15 @@ fn pair(tone: &VibrationTone, known: &ReferenceRecord, shown: &VibrationTone) ->
             ReferenceQuantity::Angle => of_angle,
         };
         pair.reference[axis] = found.phasor * factor;
-        pair.reference_deviation[axis] = found.deviation * factor.norm();
+        pair.reference_deviation[axis] = found.deviation * factor.portable_norm();
     }
     for (_, moved) in known.moved.iter().filter(|(source, _)| source.starts_with(OF_RECORD)) {
         for (axis, found) in moved.components(tone.frequency_hz).into_iter().enumerate() {
             let Some(found) = found else { continue };
-            let factor = if known.shows[axis] == ReferenceQuantity::Angle { of_angle.norm() } else { 1.0 };
+            let factor =
+                if known.shows[axis] == ReferenceQuantity::Angle { of_angle.portable_norm() } else { 1.0 };
             // One of two components, each of which it moves by as much.
-            let part = found.phasor.norm() * factor * std::f64::consts::FRAC_1_SQRT_2;
+            let part = found.phasor.portable_norm() * factor * std::f64::consts::FRAC_1_SQRT_2;
             pair.reference_deviation[axis] = pair.reference_deviation[axis].portable_hypot(part);
         }
     }
@@ -690,7 +693,7 @@ fn not_observed(matrix: &CalibrationMatrix, axes_of_reference: [bool; 3], pairs:
         }
         let entries: Vec<String> = rows.iter().map(|row| format!("k_{}{name}", AXES[*row])).collect();
         let why = if axes_of_reference[column] {
-            let strength = pairs.iter().map(|p| p.reference[column].norm()).fold(0.0, f64::max);
+            let strength = pairs.iter().map(|p| p.reference[column].portable_norm()).fold(0.0, f64::max);
             format!("the records hardly turn about {name} ({strength:.1e} rad/s)")
         } else {
             format!("the reference shows no {name}: turning about {name} is taken as none")

@@ -1,6 +1,7 @@
 //! Where the accelerometers are, from what they feel of a rotation.
 
 use crate::fit::{Fit, FitError, FitSettings, Regression, fit};
+use crate::signal::PortableComplex;
 use realfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
@@ -79,7 +80,8 @@ impl Arms<'_> {
             ];
             for axis in 0..3 {
                 let Some(force) = record.force[axis] else { continue };
-                let weight = record.deviation[axis].max(1e-15 * force.norm()).max(f64::MIN_POSITIVE).recip();
+                let weight =
+                    record.deviation[axis].max(1e-15 * force.portable_norm()).max(f64::MIN_POSITIVE).recip();
                 let model: Complex64 = (0..3).map(|j| by_arm[axis][j] * arm[j]).sum();
                 let residual = (model + of_gravity[axis] - force) * weight;
                 each(residual.re, &by_arm[axis].map(|m| m.re * weight));

@@ -1,6 +1,7 @@
 //! Scale factors and cross-axis terms from phasors.
 
 use crate::fit::{Fit, FitError, FitSettings, Regression, fit};
+use crate::signal::PortableComplex;
 use kalmems_core::{Dual, Mat, Portable, Scalar, Svd};
 use kalmems_models::inertial::Alignment;
 use realfft::num_complex::Complex64;
@@ -59,8 +60,9 @@ impl CalibrationMatrix {
         let mut start = [0.0; 9];
         for axis in (0..3).filter(|axis| free[4 * axis]) {
             let size = |of: &dyn Fn(&RatePair) -> f64| pairs.iter().map(of).sum::<f64>();
-            let along =
-                size(&|pair| pair.reference[axis].norm() * pair.shown[axis].map_or(0.0, Complex64::norm));
+            let along = size(&|pair| {
+                pair.reference[axis].portable_norm() * pair.shown[axis].map_or(0.0, Complex64::portable_norm)
+            });
             start[4 * axis] = along / size(&|pair| pair.reference[axis].norm_sqr()).max(f64::MIN_POSITIVE);
         }
         let settings = FitSettings { free, ..FitSettings::from_start(start) };
@@ -74,7 +76,7 @@ impl CalibrationMatrix {
         let freedom = found.degrees_of_freedom.saturating_sub(pairs.len() + 1);
         let by_noise = found.degrees_of_freedom.max(1) as f64 / found.sum_of_squares.max(f64::MIN_POSITIVE);
         Ok(Self {
-            turn_rad: pairs.iter().map(|pair| records.turn(pair, &found.parameters).arg()).collect(),
+            turn_rad: pairs.iter().map(|pair| records.turn(pair, &found.parameters).portable_arg()).collect(),
             chi_square: (found.sum_of_squares - CONSTANT * CONSTANT).max(0.0),
             excitation: excitation(pairs),
             shown_part: shown_part(pairs, &found.parameters),
@@ -242,7 +244,7 @@ impl MatrixResiduals<'_> {
         let of_reference = (0..3).map(|j| (self.at[3 * row + j] * pair.reference_deviation[j]).powi(2));
         let variance = pair.shown_deviation[row].powi(2) + of_reference.sum::<f64>();
         // A record without any noise has the weight of one with the noise of rounding.
-        let rounding = 1e-15 * pair.shown[row].map_or(0.0, Complex64::norm);
+        let rounding = 1e-15 * pair.shown[row].map_or(0.0, Complex64::portable_norm);
         variance.sqrt().max(rounding).max(f64::MIN_POSITIVE)
     }
 
@@ -253,7 +255,7 @@ impl MatrixResiduals<'_> {
             Some(pair.shown[i]? * product(k, i, &pair.reference).conj() * weight)
         });
         let sum: Complex64 = terms.sum();
-        if sum.norm() > 0.0 { sum / sum.norm() } else { Complex64::new(1.0, 0.0) }
+        if sum.portable_norm() > 0.0 { sum / sum.portable_norm() } else { Complex64::new(1.0, 0.0) }
     }
 }
 
@@ -332,7 +334,8 @@ fn excitation(pairs: &[RatePair]) -> Vec<(f64, [f64; 3])> {
 fn shown_part(pairs: &[RatePair], k: &[f64; 9]) -> f64 {
     let (mut of_shown, mut of_all) = (0.0, 0.0);
     for pair in pairs {
-        let axis = (0..3).max_by(|a, b| pair.reference[*a].norm().total_cmp(&pair.reference[*b].norm()));
+        let axis = (0..3)
+            .max_by(|a, b| pair.reference[*a].portable_norm().total_cmp(&pair.reference[*b].portable_norm()));
         let Some(axis) = axis else { continue };
         let shown = pair.shown_deviation[axis].powi(2);
         let all = shown + (k[4 * axis] * pair.reference_deviation[axis]).powi(2);

@@ -68,7 +68,7 @@ pub struct NoiseFit {
     pub p: f64,
     #[serde(skip)]
     interval_s: f64,
-    /// The degrees of freedom of the variance at an eighth of the record.
+    /// The degrees of freedom of the fitted variance at the length of the record: 2·σ⁴/var σ² (JCGM 100, G.4.2).
     #[serde(skip)]
     pub(super) freedom_of_whole: f64,
 }
@@ -97,7 +97,7 @@ pub enum NoFit {
 impl NoiseFit {
     /// Allan's variance at an averaging time of so many intervals.
     fn variance(&self, time_s: f64) -> f64 {
-        self.model().expected(&self.octave(time_s))
+        self.model().expected(&FittedOctave::at(time_s, self.interval_s))
     }
 
     /// Allan's deviation at an averaging time in s.
@@ -107,28 +107,18 @@ impl NoiseFit {
 
     /// The degrees of freedom of the deviation at an averaging time in s over stretches of so many samples, each so often.
     pub(super) fn freedom(&self, time_s: f64, stretches: Vec<(usize, usize)>) -> Option<f64> {
-        covariance(&self.model(), [&FittedOctave { stretches, ..self.octave(time_s) }; 2]).map(|c| 2.0 / c)
+        covariance(
+            &self.model(),
+            [&FittedOctave { stretches, ..FittedOctave::at(time_s, self.interval_s) }; 2],
+        )
+        .map(|c| 2.0 / c)
     }
 
     /// The power of the frequency in the density of the largest noise at an averaging time in s.
     pub(super) fn exponent(&self, time_s: f64) -> i32 {
-        let shares = self.model().shares(&self.octave(time_s));
+        let shares = self.model().shares(&FittedOctave::at(time_s, self.interval_s));
         let largest = (0..PARTS).max_by(|a, b| shares[*a].total_cmp(&shares[*b]));
         [2, 0, -1, -2][largest.unwrap_or(WHITE)]
-    }
-
-    fn octave(&self, time_s: f64) -> FittedOctave {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count of samples
-        let factor = (time_s / self.interval_s).round().max(1.0) as usize;
-        let difference = PhaseDifference::ALLAN;
-        FittedOctave {
-            difference,
-            factor,
-            time_s,
-            variance: f64::NAN,
-            freedom: f64::NAN,
-            stretches: Vec::new(),
-        }
     }
 
     fn model(&self) -> Model {
@@ -311,8 +301,6 @@ impl OctaveFit {
     /// The sizes with their intervals, of a record of so many s.
     pub fn result(&self, interval_s: f64, duration_s: f64) -> NoiseFit {
         let of = |part: usize| (self.model.sizes[part].sqrt(), self.interval(part).map(f64::sqrt));
-        // What lasts longer than an eighth of the record is told by the variances at that time and beyond.
-        let mut within = self.octaves.iter().filter(|octave| octave.time_s <= duration_s / 8.0);
         NoiseFit {
             angle_random_walk: of(WHITE),
             bias_instability: of(FLICKER),
@@ -323,11 +311,19 @@ impl OctaveFit {
             left_out: self.left_out,
             p: self.p,
             interval_s,
-            freedom_of_whole: within
-                .next_back()
-                .or(self.octaves.first())
-                .map_or(1.0, |octave| octave.freedom),
+            freedom_of_whole: self.freedom(interval_s, duration_s),
         }
+    }
+
+    /// The degrees of freedom of the fitted Allan variance at an averaging time, by the covariance of the parts that are not 0.
+    fn freedom(&self, interval_s: f64, time_s: f64) -> f64 {
+        let Some([_, covariance]) = self.sandwich(std::array::from_fn(|column| self.is_free(column))) else {
+            return 1.0;
+        };
+        let slopes = self.gradient(&FittedOctave::at(time_s, interval_s));
+        let places = (0..COLUMNS).flat_map(|a| (0..COLUMNS).map(move |b| (a, b)));
+        let free = places.filter(|(a, b)| self.is_free(*a) && self.is_free(*b));
+        2.0 / free.map(|(a, b)| slopes[a] * covariance.0[a][b] * slopes[b]).sum::<f64>()
     }
 
     /// By how much more than that of independent variances the likelihood may fall along a part.

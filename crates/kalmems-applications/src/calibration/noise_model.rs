@@ -31,6 +31,20 @@ pub(super) struct FittedOctave {
 }
 
 impl FittedOctave {
+    /// Allan's variance at an averaging time, of which only what the parts add to it is known.
+    pub fn at(time_s: f64, interval_s: f64) -> Self {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count of samples
+        let factor = (time_s / interval_s).round().max(1.0) as usize;
+        Self {
+            difference: PhaseDifference::ALLAN,
+            factor,
+            time_s,
+            variance: f64::NAN,
+            freedom: f64::NAN,
+            stretches: Vec::new(),
+        }
+    }
+
     /// Minus the logarithm of the likelihood of the variance, by that of a perfect fit.
     pub fn deviance(&self, expected: f64) -> f64 {
         let ratio = self.variance / expected;

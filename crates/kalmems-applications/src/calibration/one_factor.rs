@@ -3,6 +3,7 @@
 use super::matrix::{CalibrationMatrix, RatePair};
 use super::tone::VibrationTone;
 use crate::metrology::coverage_factor;
+use crate::signal::PortableComplex;
 use std::fmt;
 
 /// Frequencies that differ by more than this part are different ones.
@@ -91,7 +92,7 @@ fn with_amplitude(pairs: &[RatePair], main: usize, matrix: &CalibrationMatrix) -
         .iter()
         .enumerate()
         .filter_map(|(place, pair)| {
-            let rate = pair.reference[main].norm();
+            let rate = pair.reference[main].portable_norm();
             Some((rate, matrix.residual(pairs, place, main)?, rate * rate))
         })
         .collect();

@@ -7,7 +7,7 @@
 
 use super::inputs::PROBABILITY;
 use super::noise_model::{FittedOctave, Model, parts};
-use super::octave_covariance::{FLICKER, PARTS, PhaseDifference, QUANTISATION, WALK, phase_covariance};
+use super::octave_covariance::{FLICKER, PARTS, QUANTISATION, WALK, phase_covariance};
 use super::rest_samples::Piece;
 use kalmems_core::Portable;
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -161,15 +161,7 @@ impl PieceSteps {
 
 /// What a generalised covariance of a phase in intervals is multiplied by to be that of an angle by the square of the noise, over the square of the interval.
 fn scale_of_phase(part: usize, phase: impl Fn(f64) -> f64, memory: f64, interval_s: f64) -> f64 {
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count of samples
-    let octave = FittedOctave {
-        difference: PhaseDifference::ALLAN,
-        factor: SCALE_AT as usize,
-        time_s: SCALE_AT * interval_s,
-        variance: f64::NAN,
-        freedom: f64::NAN,
-        stretches: Vec::new(),
-    };
+    let octave = FittedOctave::at(SCALE_AT * interval_s, interval_s);
     let found = octave.difference.variance(|times| phase(times * SCALE_AT)) / (SCALE_AT * SCALE_AT);
     parts(&octave, memory)[part] / found
 }

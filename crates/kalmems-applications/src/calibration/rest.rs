@@ -159,7 +159,7 @@ pub struct AxisAtRest {
 pub enum BiasMethod {
     /// The fitted Allan deviation at the length of the record: white noise of the mean, and flicker, which no average takes away and which has
     /// no mean for ever. The interval holds the mean over four times the record, and a constant bias in white noise. Its degrees of freedom are
-    /// those of the variance at an eighth of the record.
+    /// those that the fit gives that variance.
     NoiseFit,
     /// The mean of the means of several records and its standard deviation by their scatter, which has in it what the bias changes from one
     /// record to the next.
@@ -442,14 +442,19 @@ mod tests {
             usize::from(self.rate_walk > 0.0)..if self.further_records > 0 { 5 } else { 6 }
         }
 
-        /// The mean over all four records is the bias: the spectrum has none at 0.
+        /// The mean over four times the record is the bias, in which the record lies anywhere; noise is in all that is eight times as long.
         fn record(&self, seed: u64) -> Vec<f64> {
             let mut noise = WhiteNoise::new(seed, 7);
-            let slow = flicker(4 * SAMPLES, self.instability, &mut noise);
+            let slow = flicker(32 * SAMPLES, self.instability, &mut noise);
+            let slow = &slow[..4 * SAMPLES];
+            let mean = slow.iter().sum::<f64>() / slow.len() as f64;
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a part of the samples
+            let begins = 200 + (noise.uniform() * (3 * SAMPLES - 200) as f64) as usize;
             let memory = if self.low_pass > 0.0 { (-self.low_pass.recip()).portable_exp() } else { 0.0 };
             let (mut passed, mut walked, mut before) = (0.0, 0.0, 0.0);
             // The low pass settles before the record begins.
-            let values = slow.iter().skip(SAMPLES - 200).take(SAMPLES + 200).map(|slow| {
+            let values = slow[begins - 200..].iter().take(SAMPLES + 200).map(|slow| {
+                let slow = slow - mean;
                 walked += self.rate_walk / RATE_HZ.sqrt() * noise.sample();
                 passed =
                     memory * passed + (1.0 - memory) * (slow + self.walk * RATE_HZ.sqrt() * noise.sample());

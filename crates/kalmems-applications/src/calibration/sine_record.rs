@@ -9,6 +9,7 @@ use super::sweep::{BandResponse, bands};
 use super::tone::{AXES, AxisSignals, ToneError};
 use super::unit_record::UnitSamples;
 use crate::metrology::{Evaluation, Input};
+use crate::signal::PortableComplex;
 use kalmems_core::Portable;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use realfft::num_complex::Complex64;
@@ -66,7 +67,8 @@ fn responses(record: &SineRecord, samples: &UnitSamples) -> Result<Vec<Response>
         let tone = signals.tone(None).map_err(failed)?;
         let [Some(reference), Some(shown), _] = tone.axes else { continue };
         let ratio = shown.phasor / reference.phasor;
-        let part = |component: &super::tone::Component| component.deviation / component.phasor.norm();
+        let part =
+            |component: &super::tone::Component| component.deviation / component.phasor.portable_norm();
         let deviation = part(&reference).portable_hypot(part(&shown));
         found.push(Response {
             frequency_hz: tone.frequency_hz,
@@ -107,24 +109,24 @@ fn of_sweep(signals: &AxisSignals, interval_s: f64) -> Result<Vec<Response>, Ton
 fn together(records: &[Response]) -> Response {
     let count = records.len() as f64;
     let mean = |of: &dyn Fn(&Response) -> f64| records.iter().map(of).sum::<f64>() / count;
-    let amplitude = mean(&|record| record.ratio.norm());
+    let amplitude = mean(&|record| record.ratio.portable_norm());
     // About the first one, so that phases at half a turn stay neighbours.
     let first = records.first().map_or(Complex64::ONE, |record| record.ratio);
-    let off = mean(&|record| (record.ratio / first).arg());
+    let off = mean(&|record| (record.ratio / first).portable_arg());
     let scatter = |of: &dyn Fn(&Response) -> f64| (mean(of) / (count - 1.0)).sqrt();
     let [deviations, freedom] = match records {
         [one] => [one.deviations, [one.freedom; 2]],
         _ => [
             [
-                scatter(&|record| (record.ratio.norm() / amplitude - 1.0).powi(2)),
-                scatter(&|record| ((record.ratio / first).arg() - off).powi(2)),
+                scatter(&|record| (record.ratio.portable_norm() / amplitude - 1.0).powi(2)),
+                scatter(&|record| ((record.ratio / first).portable_arg() - off).powi(2)),
             ],
             [count - 1.0; 2],
         ],
     };
     Response {
         frequency_hz: mean(&|record| record.frequency_hz),
-        ratio: Complex64::from_polar(amplitude, first.arg() + off),
+        ratio: Complex64::portable_polar(amplitude, first.portable_arg() + off),
         deviations,
         freedom: freedom[0],
         records: records.len(),
@@ -165,7 +167,7 @@ fn outcome(record: &SineRecord, samples: &UnitSamples, responses: &[Response]) -
     let degrees = QuantityUnit::other("rad", 1.0_f64.to_degrees(), "deg");
     for response in responses {
         let at = format!("{axis}_at_{:.2}_hz", response.frequency_hz);
-        let amplitude = response.ratio.norm();
+        let amplitude = response.ratio.portable_norm();
         let amplitudes = amplitude_inputs(record, response, amplitude);
         outcome.push_known(format!("{sensor}_scale_factor_{at}"), QuantityUnit::RATIO, amplitude, amplitudes);
         let mut inputs = vec![by_records(response.deviations[1], response)];
@@ -176,7 +178,7 @@ fn outcome(record: &SineRecord, samples: &UnitSamples, responses: &[Response]) -
                 TAU * response.frequency_hz,
             ));
         }
-        outcome.push_known(format!("{sensor}_phase_{at}"), degrees, response.ratio.arg(), inputs);
+        outcome.push_known(format!("{sensor}_phase_{at}"), degrees, response.ratio.portable_arg(), inputs);
     }
     match bandwidth(responses) {
         Some((value, inputs)) => {
@@ -212,13 +214,13 @@ fn amplitude_inputs(record: &SineRecord, response: &Response, amplitude: f64) ->
 /// Where the amplitude first falls to 1/√2 of the first one. A parabola through a third point says how far the straight line may be off.
 fn bandwidth(responses: &[Response]) -> Option<(f64, Vec<Input>)> {
     let first = responses.first()?;
-    let level = FRAC_1_SQRT_2 * first.ratio.norm();
-    let above = |response: &Response| response.ratio.norm() > level;
+    let level = FRAC_1_SQRT_2 * first.ratio.portable_norm();
+    let above = |response: &Response| response.ratio.portable_norm() > level;
     let after = responses.iter().position(|response| !above(response))?;
     let before = after.checked_sub(1)?;
     let log = |place: usize| {
         let response = &responses[place];
-        [(response.ratio.norm() / level).portable_ln(), response.frequency_hz.portable_ln()]
+        [(response.ratio.portable_norm() / level).portable_ln(), response.frequency_hz.portable_ln()]
     };
     let ([high, from], [low, to]) = (log(before), log(after));
     let slope = (to - from) / (low - high);
@@ -247,11 +249,12 @@ fn bandwidth(responses: &[Response]) -> Option<(f64, Vec<Input>)> {
 fn judge(outcome: &mut RecordOutcome, record: &SineRecord, responses: &[Response]) {
     let Some(first) = responses.first() else { return };
     let name = |what: &str| format!("sines `{}`: {what}", record.name);
-    let follows = first.ratio.re > 0.5 * first.ratio.norm() && (0.5..2.0).contains(&first.ratio.norm());
+    let follows = first.ratio.re > 0.5 * first.ratio.portable_norm()
+        && (0.5..2.0).contains(&first.ratio.portable_norm());
     let found = format!(
         "{:.4} times the reference with a phase of {:+.1} deg at {:.2} Hz",
-        first.ratio.norm(),
-        first.ratio.arg().to_degrees(),
+        first.ratio.portable_norm(),
+        first.ratio.portable_arg().to_degrees(),
         first.frequency_hz
     );
     outcome.check(name("the sensor follows the reference at the lowest frequency"), follows, found.clone());
@@ -287,9 +290,9 @@ fn table(record: &SineRecord, responses: &[Response]) -> TextTable {
         table.push([
             format!("{:.3}", response.frequency_hz),
             response.records.to_string(),
-            format!("{:.6}", response.ratio.norm()),
+            format!("{:.6}", response.ratio.portable_norm()),
             format!("{:.1}", 1e6 * response.deviations[0]),
-            format!("{:+.4}", response.ratio.arg().to_degrees()),
+            format!("{:+.4}", response.ratio.portable_arg().to_degrees()),
             format!("{:.2}", 1e3 * response.deviations[1].to_degrees()),
         ]);
     }
@@ -311,6 +314,6 @@ fn figure(record: &SineRecord, responses: &[Response]) -> Figure {
         format!("Sines: {}", record.name),
         "The amplitude of the sensor by that of the reference, and the phase between them.",
     )
-    .with(panel("amplitude", "", &|response| response.ratio.norm()))
-    .with(panel("phase", "deg", &|response| response.ratio.arg().to_degrees()))
+    .with(panel("amplitude", "", &|response| response.ratio.portable_norm()))
+    .with(panel("phase", "deg", &|response| response.ratio.portable_arg().to_degrees()))
 }

@@ -1,6 +1,6 @@
 //! The response of a sensor to a sweep or to noise, band by band, with a reference that is sampled with it.
 
-use crate::signal::fourier_transform;
+use crate::signal::{PortableComplex, fourier_transform};
 use realfft::num_complex::Complex64;
 
 /// The ratio of the ends of a band, a sixth of an octave, and the lines that a band has at least.
@@ -74,7 +74,7 @@ fn band(first: usize, x: &[Complex64], y: &[Complex64], resolution: f64) -> Band
     BandResponse {
         frequency_hz: middle * resolution,
         ratio,
-        deviation: (left / freedom * share).sqrt() / ratio.norm(),
+        deviation: (left / freedom * share).sqrt() / ratio.portable_norm(),
         freedom,
         power: all / x.len() as f64,
     }

@@ -1,7 +1,7 @@
 //! One vibration as several channels of one instrument show it.
 
 use crate::identify::Whiteness;
-use crate::signal::{fit_sine, fit_sine_at, least_squares};
+use crate::signal::{PortableComplex, fit_sine, fit_sine_at, least_squares};
 use kalmems_core::Portable;
 use realfft::num_complex::Complex64;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -171,7 +171,7 @@ impl AxisSignals {
         }
         let axes = self.components(sine.frequency_hz);
         let Some(found) = axes[main] else { return Err(ToneError::NoSine { part: 100.0 }) };
-        let amplitude = found.phasor.norm();
+        let amplitude = found.phasor.portable_norm();
         let wander = self.wander(values, sine.frequency_hz, amplitude, found.residual);
         let wander_loss = 0.5 * wander.powi(2);
         if wander_loss > LARGEST_LOSS {
@@ -275,7 +275,7 @@ fn component(time_s: &[f64], values: &[f64], frequency_hz: f64, interval: f64) -
         offset: found[0],
         offset_deviation: (at_rest / count).sqrt(),
         residual: variance.sqrt(),
-        distortion: found[3..].iter().map(|f| f * f).sum::<f64>().sqrt() / phasor.norm(),
+        distortion: found[3..].iter().map(|f| f * f).sum::<f64>().sqrt() / phasor.portable_norm(),
         white,
     })
 }

@@ -2,6 +2,7 @@
 
 use super::transform::{reach, weighted_transform};
 use super::{Apodisation, Spectrum, TransformError};
+use crate::signal::PortableComplex;
 use realfft::num_complex::Complex64;
 
 /// Why there is no corrected spectrum.
@@ -66,7 +67,7 @@ pub fn one_sided(
 /// turned towards positive values, by a share that falls with the resolution of C: the phase of several scans is to be taken from their mean.
 pub fn without_phase(fine: &[Complex64], coarse: &[Complex64]) -> Vec<f64> {
     let one = |(fine, coarse): (&Complex64, &Complex64)| {
-        let size = coarse.norm();
+        let size = coarse.portable_norm();
         // Where there is no light there is no phase, and nothing to correct.
         if size > 0.0 { (fine * coarse.conj()).re / size } else { fine.re }
     };

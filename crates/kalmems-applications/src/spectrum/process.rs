@@ -13,6 +13,7 @@ use super::transform::{Spectrum, transform};
 use super::zero_path::zero_path;
 use crate::config::Quantity;
 use crate::progress::Progress;
+use crate::signal::PortableComplex;
 use crate::spectrum::file::{
     Directions, PathTrajectory, PhaseCorrection, Registration, SpectrumTransform, TransformMethod,
     WavenumberBand,
@@ -58,9 +59,9 @@ pub struct SpectrumPhase {
 
 impl SpectrumPhase {
     fn of(of: &'static str, sign: f64, values: &[Complex64]) -> Self {
-        let most = values.iter().map(|value| value.norm()).fold(0.0, f64::max);
+        let most = values.iter().map(|value| value.portable_norm()).fold(0.0, f64::max);
         let one = |value: &Complex64| {
-            let is_lit = value.norm() > DARK * most;
+            let is_lit = value.portable_norm() > DARK * most;
             if is_lit { (sign * value.im).portable_atan2(sign * value.re) } else { f64::NAN }
         };
         Self { of, rad: values.iter().map(one).collect() }
@@ -406,7 +407,7 @@ fn finish(
     if settings.phase != PhaseCorrection::Mertz {
         phases.push(SpectrumPhase::of("left, of the mean", sign, &mean(&spectra, grid)));
     }
-    let real = |value: &Complex64| if power { value.norm() } else { sign * value.re };
+    let real = |value: &Complex64| if power { value.portable_norm() } else { sign * value.re };
     let spectra = spectra.iter().map(|spectrum| spectrum.iter().map(real).collect()).collect();
     ProcessedScans {
         scans: Scans { grid, spectra, forward },

@@ -1,6 +1,7 @@
 //! Scans laid over each other.
 
 use super::grid::WavenumberGrid;
+use crate::signal::PortableComplex;
 use kalmems_core::Scalar;
 use realfft::num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -34,8 +35,8 @@ pub fn shift_to(spectrum: &[Complex64], reference: Option<&[Complex64]>, grid: W
     };
     let (mut total, mut moment) = (0.0, 0.0);
     for (index, value) in product.iter().enumerate() {
-        total += value.norm();
-        moment += grid.wavenumber(index) * value.norm();
+        total += value.portable_norm();
+        moment += grid.wavenumber(index) * value.portable_norm();
     }
     // A NaN counts as no light.
     if !(total > 0.0 && moment > 0.0) {

@@ -1,7 +1,7 @@
 //! The spectrum of an interferogram with samples at equal path differences.
 
 use super::Apodisation;
-use crate::signal::fourier_transform;
+use crate::signal::{PortableComplex, fourier_transform};
 use realfft::num_complex::Complex64;
 
 /// A spectrum at equal steps of the wavenumber, from 0 on.
@@ -63,7 +63,7 @@ impl Spectrum {
 
     /// The magnitudes, which need no phase: the power spectrum's root.
     pub fn magnitudes(&self) -> Vec<f64> {
-        self.values.iter().map(|value| value.norm()).collect()
+        self.values.iter().map(|value| value.portable_norm()).collect()
     }
 }
 

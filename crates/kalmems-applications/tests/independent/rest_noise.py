@@ -36,15 +36,16 @@ KINDS = {
 
 
 def flicker(random, instability):
-    """A window of a record four times as long, whose mean is 0: density B²/2πf on either side."""
-    count = 4 * COUNT
+    """A record anywhere in one four times as long, whose mean is 0: density B²/2πf on either side, down to a sixteenth of the longer one's lowest."""
+    count = 64 * COUNT
     frequency = np.fft.rfftfreq(count, 1 / RATE)
     density = np.zeros_like(frequency)
     density[1:] = instability**2 / (2 * np.pi * frequency[1:])
     parts = random.standard_normal((2, len(frequency)))
     spectrum = (parts[0] + 1j * parts[1]) * np.sqrt(density * count * RATE / 2)
+    longer = np.fft.irfft(spectrum, count)[: 4 * COUNT]
     start = random.integers(200, 3 * COUNT)
-    return np.fft.irfft(spectrum, count)[start - 200 : start + COUNT]
+    return longer[start - 200 : start + COUNT] - longer.mean()
 
 
 def record(random, sizes, what):

@@ -1,6 +1,7 @@
 //! Which lines each stage of the circuit has, under a steady drive and motion.
 
 use super::{AmplitudeDetector, Circuit, CircuitSpectrum, Complex, Excitation, SineMotion, comb_harmonics};
+use crate::signal::PortableComplex;
 use kalmems_models::capacitance::GaussianComb;
 use std::f64::consts::FRAC_PI_2;
 
@@ -64,7 +65,7 @@ impl Bands {
                 Some(passed.times(&passed).scaled(law.square).plus(&passed.scaled(law.linear)))
             }
             AmplitudeDetector::Synchronous(law) => {
-                let phase = circuit.front_response(excitation.carrier_hz).arg() + law.phase;
+                let phase = circuit.front_response(excitation.carrier_hz).portable_arg() + law.phase;
                 Some(passed.times(&none.with((1, 0), 2.0, phase)))
             }
         };

@@ -2,6 +2,7 @@
 
 use super::excitation::turned;
 use super::{AmplitudeDetector, Circuit, Excitation, SineMotion};
+use crate::signal::PortableComplex;
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::circuit::{
     SampledCascade, SampledDiode, SampledSection, Section, SquareLaw, SynchronousDemodulator, Transimpedance,
@@ -82,7 +83,7 @@ impl Chain {
                 AmplitudeDetector::SquareLaw(law) => SampledDetector::SquareLaw(law),
                 AmplitudeDetector::Diode(law) => SampledDetector::Diode(SampledDiode::new(law, interval)),
                 AmplitudeDetector::Synchronous(law) => {
-                    let phase = circuit.front_response(carrier_hz).arg() + law.phase;
+                    let phase = circuit.front_response(carrier_hz).portable_arg() + law.phase;
                     SampledDetector::Synchronous(SynchronousDemodulator { phase })
                 }
             },

@@ -1,6 +1,7 @@
 //! Orders and cut-offs from what is demanded of them.
 
 use super::HighPass;
+use crate::signal::PortableComplex;
 use kalmems_core::Portable;
 use kalmems_models::circuit::Cascade;
 
@@ -106,7 +107,8 @@ impl DriveRejection {
             }
         }
         let cutoff_hz = self.side_band_hz * distance(self.loss_db, highest);
-        let gain = HighPass::new(highest, cutoff_hz).map_or(1.0, |h| h.response(self.drive_hz).norm());
+        let gain =
+            HighPass::new(highest, cutoff_hz).map_or(1.0, |h| h.response(self.drive_hz).portable_norm());
         let reached_db = -20.0 * gain.portable_log10();
         Err(DesignError::HighPass { order: highest, reached_db, rejection_db: self.rejection_db })
     }

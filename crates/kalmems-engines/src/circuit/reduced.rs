@@ -3,6 +3,7 @@
 use super::chain::measured_harmonics;
 use super::excitation::turned;
 use super::{Bands, Circuit, Complex, Excitation, SineMotion, comb_harmonics};
+use crate::signal::PortableComplex;
 use kalmems_models::capacitance::GaussianComb;
 use std::f64::consts::PI;
 use std::fmt;
@@ -90,7 +91,7 @@ impl ReducedCircuit {
             poles_hz: circuit.low_pass_hz,
             with_poles_and_delay: both(front_delay_s),
             front_delay_s,
-            feedthrough: 2.0 * still[1].norm(),
+            feedthrough: 2.0 * still[1].portable_norm(),
         }
     }
 }
@@ -117,7 +118,7 @@ fn fit(y: &[Complex<f64>; HARMONICS], c: &[Complex<f64>; HARMONICS]) -> FittedMo
     let gain = moving().map(|(y, c)| (y * c.conj()).re).sum::<f64>()
         / moving().map(|(_, c)| c.norm_sqr()).sum::<f64>();
     let left: f64 = moving().map(|(y, c)| (y - c * gain).norm_sqr()).sum();
-    let turn = (c[1] * gain / y[1]).arg().to_degrees();
+    let turn = (c[1] * gain / y[1]).portable_arg().to_degrees();
     FittedModel {
         gain,
         offset: (y[0] - c[0] * gain).re,

@@ -1,5 +1,6 @@
 //! Signals that are sums of lines at n·f_dr + m·f_c.
 
+use crate::signal::PortableComplex;
 use kalmems_core::Portable;
 pub use realfft::num_complex::Complex;
 use std::collections::BTreeMap;
@@ -69,7 +70,7 @@ impl CircuitSpectrum {
     /// Adds amplitude·cos((m·ω_c + n·ω_dr)·t + phase).
     #[must_use]
     pub fn with(mut self, (carrier, drive): (i32, i32), amplitude: f64, phase_rad: f64) -> Self {
-        let half = Complex::from_polar(0.5 * amplitude, phase_rad);
+        let half = Complex::portable_polar(0.5 * amplitude, phase_rad);
         *self.coefficients.entry((carrier, drive)).or_default() += half;
         *self.coefficients.entry((-carrier, -drive)).or_default() += half.conj();
         self
@@ -127,8 +128,8 @@ impl CircuitSpectrum {
                 *product.coefficients.entry((m + k, n + l)).or_default() += a * b;
             }
         }
-        let largest = product.coefficients.values().map(|c| c.norm()).fold(0.0, f64::max);
-        product.coefficients.retain(|_, value| value.norm() > LEAST * largest);
+        let largest = product.coefficients.values().map(|c| c.portable_norm()).fold(0.0, f64::max);
+        product.coefficients.retain(|_, value| value.portable_norm() > LEAST * largest);
         product
     }
 
@@ -142,8 +143,8 @@ impl CircuitSpectrum {
                     carrier,
                     drive,
                     frequency_hz,
-                    amplitude: if constant { 1.0 } else { 2.0 } * value.norm(),
-                    phase_rad: value.arg(),
+                    amplitude: if constant { 1.0 } else { 2.0 } * value.portable_norm(),
+                    phase_rad: value.portable_arg(),
                 })
             })
             .collect();
@@ -163,6 +164,6 @@ impl CircuitSpectrum {
     /// The amplitude of one line; of the constant part its value with its sign.
     pub fn amplitude(&self, carrier: i32, drive: i32) -> f64 {
         let value = self.coefficient(carrier, drive);
-        if (carrier, drive) == (0, 0) { value.re } else { 2.0 * value.norm() }
+        if (carrier, drive) == (0, 0) { value.re } else { 2.0 * value.portable_norm() }
     }
 }

@@ -178,6 +178,11 @@ pub trait Filtering {
     /// Moves the state by one step.
     fn predict(&mut self, transition: &dyn Transition) -> Result<(), FilterError>;
 
+    /// Adds the noise of this step, which leaves the state where it is, to what is claimed of it: no motion that a smoother would go back over.
+    fn widen(&mut self, noise: &dyn Transition) -> Result<(), FilterError> {
+        self.predict(noise)
+    }
+
     /// Comes to a state that is known of all that it has, whatever was before.
     fn take_over(&mut self, known: &AnyKnownStateStep) -> Result<(), FilterError> {
         self.predict(known)

@@ -147,6 +147,10 @@ impl<const N: usize> Filtering for LinkedFilter<N> {
         Ok(())
     }
 
+    fn widen(&mut self, noise: &dyn Transition) -> Result<(), FilterError> {
+        self.filter.step(noise).map(|_| self.mean = self.filter.mean())
+    }
+
     fn update_within(
         &mut self,
         sensor: &dyn Sensor,

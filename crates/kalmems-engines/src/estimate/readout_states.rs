@@ -266,6 +266,10 @@ impl Filtering for DeviceStateFilter<'_> {
         self.filter.predict(&WithReadoutStates { transition, states: self.states, after_s })
     }
 
+    fn widen(&mut self, noise: &dyn Transition) -> Result<(), FilterError> {
+        self.filter.widen(&WithReadoutStates { transition: noise, states: self.states, after_s: 0.0 })
+    }
+
     fn take_over(&mut self, known: &AnyKnownStateStep) -> Result<(), FilterError> {
         self.filter.take_over(known)
     }

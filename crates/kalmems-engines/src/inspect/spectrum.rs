@@ -6,7 +6,7 @@
 //! F. J. Harris, "On the use of windows for harmonic analysis with the discrete Fourier transform",
 //! Proc. IEEE 66 (1978) 51.
 
-use crate::signal::fourier_transform;
+use crate::signal::{PortableComplex, fourier_transform};
 use kalmems_core::Portable;
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
@@ -134,7 +134,7 @@ pub fn magnitudes(values: &[f64]) -> Option<(Vec<f64>, f64)> {
     // With the mean under the window no offset is left that could leak into the first bins.
     let mean = values.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>() / weights.iter().sum::<f64>();
     let mut windowed: Vec<f64> = values.iter().zip(&weights).map(|(v, w)| (v - mean) * w).collect();
-    let magnitudes = fourier_transform(&mut windowed).iter().map(|line| line.norm()).collect();
+    let magnitudes = fourier_transform(&mut windowed).iter().map(|line| line.portable_norm()).collect();
     Some((magnitudes, 2.0 / (values.len() as f64 * lobe(0.0))))
 }
 

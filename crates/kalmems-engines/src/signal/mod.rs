@@ -3,6 +3,7 @@
 
 mod allan;
 mod band_limited;
+mod complex;
 mod confidence;
 mod cubic;
 mod cycles;
@@ -17,6 +18,7 @@ mod white_noise;
 
 pub use allan::{AllanDeviation, Deviation, octaves};
 pub use band_limited::band_limited;
+pub use complex::PortableComplex;
 pub use confidence::Confident;
 pub use cubic::{cubic_between, hermite, polynomial_between, quintic_between, quintic_middle};
 pub(crate) use cycles::fit_cycles_until;

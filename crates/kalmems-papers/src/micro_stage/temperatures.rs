@@ -13,7 +13,7 @@ use crate::program::{
     SeedSpread, ValueOrigin,
 };
 use crate::progress::Silent;
-use crate::signal::fit_sine_at;
+use crate::signal::{PortableComplex, fit_sine_at};
 use crate::simulate::{ComputedRecording, WhiteNoise, described};
 use kalmems_applications::calibration::{AxisSignals, HALF_WINDOW, PeakToPeak, Vibration};
 use kalmems_figures::significant;
@@ -232,8 +232,8 @@ fn compare(
         {
             let tone = signals.tone(None).map_err(failed(HEAD.key))?;
             let phasor = tone.axes[1].map_or_else(Default::default, |axis| axis.phasor);
-            *amplitude = phasor.norm();
-            let read = signals.crest_to_trough(1, tone.frequency_hz, phasor.arg(), half);
+            *amplitude = phasor.portable_norm();
+            let read = signals.crest_to_trough(1, tone.frequency_hz, phasor.portable_arg(), half);
             *height = read.unwrap_or(f64::NAN);
         }
         up += amplitudes[0] * amplitudes[1];

@@ -1,5 +1,6 @@
 //! Why there is no reproduction.
 
+use crate::estimate::EstimateError;
 use kalmems_figures::ReportError;
 use kalmems_store::OutputError;
 
@@ -31,4 +32,14 @@ pub enum ReproduceError {
     /// Stopped from outside.
     #[error("interrupted; nothing was written")]
     Interrupted,
+}
+
+impl ReproduceError {
+    /// Of an item that takes an estimate, or of work that was stopped in one.
+    pub fn of_estimate(item: &'static str) -> impl Fn(EstimateError) -> Self {
+        move |why| match why {
+            EstimateError::Interrupted => Self::Interrupted,
+            why => Self::Item { item, source: why.into() },
+        }
+    }
 }

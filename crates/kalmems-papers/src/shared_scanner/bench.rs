@@ -158,20 +158,22 @@ impl ScannerBench {
         motion.clean.iter().map(|clean| clean + deviation * noise.sample()).collect()
     }
 
-    /// What each estimator makes of a recording of this motion. `None` where the work was stopped.
+    /// What each estimator makes of a recording of this motion.
     pub fn estimate(
         &self,
         motion: &SampledSteadyMotion,
         belief: &ScannerMismatch,
         (seed, stream): (u64, u64),
         progress: &dyn Progress,
-    ) -> Option<Vec<EstimatorResult>> {
+    ) -> Result<Vec<EstimatorResult>, ReproduceError> {
         let signal = self.signal(motion, (seed, stream));
         let volts: Vec<f64> = motion.volts.iter().map(|volts| belief.drive * volts).collect();
+        let wrong = |why: EstimateError| ReproduceError::of_estimate("the estimators")(why);
         let mut judged = Vec::new();
         for place in 0..self.filters.len() {
-            let experiment = self.told(belief, motion, (place, &volts)).ok()?;
-            let estimate = self.follow(&experiment, (place, motion), (&volts, &signal), progress).ok()?;
+            let experiment = self.told(belief, motion, (place, &volts)).map_err(|why| wrong(why.into()))?;
+            let estimate =
+                self.follow(&experiment, (place, motion), (&volts, &signal), progress).map_err(wrong)?;
             let extent = ComparisonExtent {
                 from_s: self.skip_s,
                 motion_hz: 0.5 * motion.drive_hz,
@@ -182,7 +184,7 @@ impl ScannerBench {
                 EstimatorResult { trajectory, errors }
             }));
         }
-        Some(judged)
+        Ok(judged)
     }
 
     /// The experiment with one filter, with what the estimators believe, and the sign of this motion, which no signal shows.

@@ -163,7 +163,7 @@ fn rounds(
         let (frequency, belief) = (place % motions.len(), place / motions.len());
         let noise = (first_seed + seed as u64, frequency as u64);
         let judged = bench.estimate(&motions[frequency], &BELIEFS[belief], noise, progress)?;
-        Some(judged.iter().map(|j| score(j, from)).collect::<Vec<ContestScore>>())
+        Ok(judged.iter().map(|j| score(j, from)).collect::<Vec<ContestScore>>())
     })?;
     let rounds = BELIEFS.iter().zip(points.chunks(motions.len() * seeds));
     Ok(rounds

@@ -1,6 +1,7 @@
 //! The published lines beside the right ones.
 
 use crate::circuit::{AmplitudeDetector, Bands, Circuit, CircuitSpectrum, Excitation, SineMotion};
+use crate::signal::PortableComplex;
 use kalmems_models::capacitance::GaussianComb;
 use std::f64::consts::TAU;
 
@@ -57,7 +58,7 @@ pub fn printed_lines(
         .with((1, 0), w_c * v_c * r * (b_s + c_p), 0.0)
         .with((1, 1), a_s * r * v_c * (w_c - 0.5 * w_dr), phase);
 
-    let a_hpf = circuit.high_pass.response(pure.carrier_hz).norm();
+    let a_hpf = circuit.high_pass.response(pure.carrier_hz).portable_norm();
     let a_o3 = a_hpf * law.linear * w_c * v_c * r;
     let b_o3 = law.square * (a_hpf * w_c * v_c * r).powi(2);
     let mean = b_o3 * (0.25 * a_s * a_s + 0.5 * b_s * b_s + 0.5 * c_p * c_p + b_s * c_p);
@@ -76,7 +77,7 @@ pub fn printed_lines(
             .with((2, 2 * side), 0.125 * b_o3 * a_s * a_s, 2.0 * turned);
     }
 
-    let a_lpf = circuit.low_pass_response(pure.drive_hz).norm();
+    let a_lpf = circuit.low_pass_response(pure.drive_hz).portable_norm();
     let last = none().with((0, 0), a_lpf * mean, 0.0).with((0, 1), a_lpf * swing, phase);
 
     let empty = none();

@@ -38,10 +38,10 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let bench = ScannerBench::new()?;
     let first_seed = work.seed;
     let mut results = work.map("a few cycles", (1, 120_000), |_, progress| {
-        let motion = bench.steady(&[DRIVE_HZ], 6000).into_iter().next()?;
+        let motion = bench.steady(&[DRIVE_HZ], 6000).into_iter().next().ok_or(ReproduceError::Interrupted)?;
         let judged = bench.estimate(&motion, &WRONG_STIFFNESS, (first_seed, 0), progress)?;
         let signal = bench.signal(&motion, (first_seed, 0));
-        Some((motion, judged, signal))
+        Ok((motion, judged, signal))
     })?;
     let Some((motion, judged, signal)) = results.pop() else { return Err(ReproduceError::Interrupted) };
 

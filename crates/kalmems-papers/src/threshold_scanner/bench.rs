@@ -2,7 +2,7 @@
 
 use super::failed;
 use crate::config::{ConfigError, CrossingTiming, Experiment};
-use crate::estimate::Trajectory;
+use crate::estimate::{EstimateError, Trajectory};
 use crate::program::ReproduceError;
 use crate::progress::Progress;
 use crate::signal::hermite;
@@ -292,63 +292,64 @@ pub fn quarter(time_s: f64) -> usize {
     quarter.min(3)
 }
 
-/// The crossings of a recorded signal, and what the filters make of it. `None` where the work was stopped, or the
-/// detector cannot be made.
+/// The crossings of a recorded signal, and what the filters make of it.
 pub fn estimate(
     settings: &ThresholdSettings,
     decay: &ClosedFormDecay,
     signal: &[f64],
     seed: u64,
     progress: &dyn Progress,
-) -> Option<(Vec<LevelCrossing>, Vec<Trajectory>)> {
+) -> Result<(Vec<LevelCrossing>, Vec<Trajectory>), ReproduceError> {
     let crossings = crossings(settings, decay, signal)?;
     let trajectories = follow(settings, decay, signal, seed, progress)?;
-    Some((crossings, trajectories))
+    Ok((crossings, trajectories))
 }
 
-/// The crossings of a recorded signal; `None` where the detector cannot be made.
+/// The crossings of a recorded signal.
 pub fn crossings(
     settings: &ThresholdSettings,
     decay: &ClosedFormDecay,
     signal: &[f64],
-) -> Option<Vec<LevelCrossing>> {
+) -> Result<Vec<LevelCrossing>, ReproduceError> {
     let device = &settings.device;
     let rows = SignalRows { time_s: &decay.time_s, volts: signal, first: 0 };
     let samples = (INTERVAL_S, device.noise_variance, device.readout.offset);
     let sought = SearchedSignal::of_comb(samples, device.readout.comb, device.mirror.resonator);
-    find_crossings(rows, sought, &settings.detector).ok()
+    find_crossings(rows, sought, &settings.detector)
+        .map_err(|why| failed("the detector of a decay")(why.into()))
 }
 
-/// What the filters make of a recorded signal, all from the same state, which is as far from the true one as they believe it to be; `None` where
-/// the work was stopped.
+/// What the filters make of a recorded signal, all from the same state, which is as far from the true one as they believe it to be.
 fn follow(
     settings: &ThresholdSettings,
     decay: &ClosedFormDecay,
     signal: &[f64],
     seed: u64,
     progress: &dyn Progress,
-) -> Option<Vec<Trajectory>> {
+) -> Result<Vec<Trajectory>, ReproduceError> {
     if settings.filters.is_empty() {
-        return Some(Vec::new());
+        return Ok(Vec::new());
     }
     let mut noise = WhiteNoise::new(seed, START);
     let off = [noise.sample(), noise.sample()];
     let start = std::array::from_fn(|i| decay.states[0][i] + off[i] * START_SD[i]);
-    let experiment = settings.experiment(start).ok()?;
-    let rig = published().rig(&experiment).ok()?;
-    let layout = rig.layout(&experiment, 0).ok()?;
+    let wrong = |why: EstimateError| ReproduceError::of_estimate("the filters of a decay")(why);
+    let experiment = settings.experiment(start).map_err(|why| wrong(why.into()))?;
+    let rig = published().rig(&experiment).map_err(|why| wrong(why.into()))?;
+    let layout = rig.layout(&experiment, 0).map_err(|why| wrong(why.into()))?;
     let columns = ["time_s", "drive_V", "cap_V"];
-    let mut rows = RecordingFromRows::new("recording.csv", &columns, &layout).ok()?;
+    let mut rows =
+        RecordingFromRows::new("recording.csv", &columns, &layout).map_err(|why| wrong(why.into()))?;
     for (time_s, volts) in decay.time_s.iter().zip(signal) {
         rows.push(&[*time_s, 0.0, *volts]);
     }
-    let recording = rows.finish().ok()?;
-    let mut trajectories =
-        rig.estimate(&experiment, 0, &recording, progress).ok()?.into_iter().next()?.trajectories;
+    let recording = rows.finish().map_err(|why| wrong(why.into()))?;
+    let estimates = rig.estimate(&experiment, 0, &recording, progress).map_err(wrong)?;
+    let mut trajectories = estimates.into_iter().next().map_or_else(Vec::new, |one| one.trajectories);
     for (trajectory, filter) in trajectories.iter_mut().zip(&settings.filters) {
         name_of(filter).clone_into(&mut trajectory.name);
     }
-    Some(trajectories)
+    Ok(trajectories)
 }
 
 /// The angles that a trajectory has.

@@ -90,9 +90,11 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
         let signal = decay.recorded(bench.device.noise_variance.sqrt(), seed);
         let (crossings, believed) = estimate(&misled, &decay, &signal, seed, progress)?;
         let (_, perfect) = estimate(&right, &decay, &signal, seed, progress)?;
-        let [ekf, hybrid] = believed.as_slice() else { return None };
-        let [printed, printed_hybrid, full, full_hybrid] = perfect.as_slice() else { return None };
-        Some(ErrorsTrial {
+        let [ekf, hybrid] = believed.as_slice() else { return Err(ReproduceError::Interrupted) };
+        let [printed, printed_hybrid, full, full_hybrid] = perfect.as_slice() else {
+            return Err(ReproduceError::Interrupted);
+        };
+        Ok(ErrorsTrial {
             misled: [ekf, hybrid].map(|t| errors(t, &decay)),
             after: [ekf, hybrid].map(|t| errors_after(t, &decay, &crossings)),
             perfect: [printed, printed_hybrid].map(|t| errors(t, &decay)),

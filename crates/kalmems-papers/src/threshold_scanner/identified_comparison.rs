@@ -107,14 +107,17 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
             Some(((likeliest.name.clone(), error(likeliest)), best))
         };
         let compared = |i: usize| Some(judged(&filters, &|name| name == COMPARED[i])?.0.1);
-        let (chosen, best) = judged(&filters, &|name| VARIANTS.contains(&name))?;
-        let (misled, misled_best) = judged(&astray, &|_| true)?;
         let of_kind = |with: bool| {
             let of = |name: &str| VARIANTS.contains(&name) && uses_thresholds(name) == with;
             Some(judged(&filters, &of)?.0.1)
         };
-        let apart = [of_kind(true)?, of_kind(false)?];
-        Some(FairTrial { compared: [compared(0)?, compared(1)?], chosen, best, apart, misled, misled_best })
+        let trial = || {
+            let (chosen, best) = judged(&filters, &|name| VARIANTS.contains(&name))?;
+            let (misled, misled_best) = judged(&astray, &|_| true)?;
+            let (compared, apart) = ([compared(0)?, compared(1)?], [of_kind(true)?, of_kind(false)?]);
+            Some(FairTrial { compared, chosen, best, apart, misled, misled_best })
+        };
+        trial().ok_or(ReproduceError::Interrupted)
     })?;
     Ok(vec![item(&all)])
 }

@@ -164,7 +164,7 @@ fn decays(work: &PartWork, bench: &ThresholdBench) -> Result<Item, ReproduceErro
         let (crossings, _) = estimate(&settings, &decay, &decay.recorded(noise, seed), seed, progress)?;
         let times =
             crossings.iter().filter_map(|c| c.at(CrossingTiming::Sample)).map(|instant| instant.time_s);
-        Some(decay.misses(&bench.device, times))
+        Ok(decay.misses(&bench.device, times))
     })?;
     // The errors of some recordings in one quarter.
     let errors = |records: std::ops::Range<usize>, quarter: usize| -> Vec<f64> {

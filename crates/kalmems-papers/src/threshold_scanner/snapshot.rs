@@ -54,13 +54,13 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
         let seed = first_seed + i as u64;
         let signal = decay.recorded(noise, seed);
         let (crossings, filters) = estimate(&settings, &decay, &signal, seed, progress)?;
-        let [ekf, hybrid] = filters.as_slice() else { return None };
+        let [ekf, hybrid] = filters.as_slice() else { return Err(ReproduceError::Interrupted) };
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a sample of the recording
         let sample = |time_s: f64| (time_s / INTERVAL_S).round() as usize;
         let detections =
             crossings.iter().filter_map(|c| Some(sample(c.at(CrossingTiming::Sample)?.time_s))).collect();
         let angles = [ekf, hybrid].map(|filter| angles(filter).to_vec());
-        Some(SnapshotTrial { decay, signal, angles, detections })
+        Ok(SnapshotTrial { decay, signal, angles, detections })
     })?;
     // The hybrid's errors before and after detections.
     let mut sums = [0.0; 2];

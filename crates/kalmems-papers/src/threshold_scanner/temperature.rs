@@ -91,7 +91,7 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
         let seed = first_seed + trial as u64;
         let signal = decay.recorded(bench.device.noise_variance.sqrt(), seed);
         let (_, filters) = estimate(&settings, &decay, &signal, seed, progress)?;
-        Some(order.iter().map(|place| settled(&errors(&filters[*place], &decay))).collect::<Vec<f64>>())
+        Ok(order.iter().map(|place| settled(&errors(&filters[*place], &decay))).collect::<Vec<f64>>())
     })?;
     let of = |run: usize, filter: usize| {
         SeedSpread::of(all[run * trials..(run + 1) * trials].iter().map(|errors| errors[filter]))

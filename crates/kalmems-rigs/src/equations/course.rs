@@ -1,6 +1,7 @@
 //! A device of one's own on its way through one segment.
 
 use super::axes::AxisSines;
+use super::counted_once::ClaimBefore;
 use super::event_sensor::{BackwardInterval, EventSensor};
 use super::event_times::{EventAcceptance, EventMeasurement, EventTimes, event_measurements};
 use super::events::FilterEventUse;
@@ -262,6 +263,9 @@ impl<'a> EquationCourse<'a> {
             let then = EventSensor { model, event: told.event, way: &self.way, late_s };
             let rate = || then.rate(filter.mean());
             let variance = told.variance.unwrap_or_else(|| rate().powi(2) * of_time + own);
+            let share = told.rise.and_then(|(measure, _)| self.share_of_samples(measure));
+            let before = share.map(|share| (share, ClaimBefore::of(filter, &then)));
+            let variance = variance * (1.0 + share.unwrap_or(0.0));
             let innovation = match told.acceptance {
                 EventAcceptance::Judged => filter.update_within(&then, told.value, variance, NEVER)?,
                 EventAcceptance::Within(largest_nis) => {
@@ -269,6 +273,9 @@ impl<'a> EquationCourse<'a> {
                 }
                 EventAcceptance::ByGate => filter.update(EVENTS, &then, told.value, variance)?,
             };
+            if let Some((share, before)) = before.filter(|_| innovation.taken) {
+                before.give_back(filter, share)?;
+            }
             if told.judged.is_none() {
                 self.log_likelihood += innovation.log_likelihood();
             }
@@ -445,6 +452,14 @@ impl Course for EquationCourse<'_> {
 }
 
 impl EquationCourse<'_> {
+    /// How much of what a sample of this measurement tells the filter takes; `None` of a filter that takes none, or takes them as they are printed.
+    fn share_of_samples(&self, measure: usize) -> Option<f64> {
+        let mut own = self.channels.iter().filter_map(|place| self.data.channels.get(*place));
+        let channel = own.find(|channel| channel.measure == measure);
+        let channel = channel.filter(|_| self.variant == Variant::Full)?;
+        Some(self.signal_variance.map_or(1.0, |taken| (channel.variance / taken).min(1.0)))
+    }
+
     /// Corrects a filter by sample `k`.
     fn corrected(
         &mut self,

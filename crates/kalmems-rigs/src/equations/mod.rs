@@ -4,6 +4,7 @@ mod absent;
 mod angles;
 mod axes;
 mod correction;
+mod counted_once;
 mod course;
 mod curve;
 mod event_search;

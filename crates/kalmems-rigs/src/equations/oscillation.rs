@@ -10,7 +10,7 @@ use super::table::EquationsTable;
 use crate::estimate::{
     EstimateError, FilterPast, LockInWindows, StateName, Swing, Trajectory, amplitude_of_line, lock_in,
 };
-use crate::signal::{Sine, fit_sine_at};
+use crate::signal::{PortableComplex, Sine, fit_sine_at};
 use kalmems_equations::{Motion, ProgramNumbers, ReadoutProgram};
 use num_complex::Complex64;
 use schemars::JsonSchema;
@@ -199,7 +199,7 @@ impl MeasuredOscillation {
                 named(*first)
             ));
         }
-        let cycle = (0..POINTS).map(|k| Complex64::cis(TAU * k as f64 / POINTS as f64));
+        let cycle = (0..POINTS).map(|k| Complex64::portable_cis(TAU * k as f64 / POINTS as f64));
         let all = Self {
             measure,
             axis,
@@ -347,7 +347,7 @@ impl MeasuredOscillation {
         let mut matrix: Vec<Complex64> = self.coupling.iter().map(|slope| Complex64::from(-slope)).collect();
         (0..n).for_each(|i| matrix[i * n + i].im += rate);
         for column in 0..n {
-            let size = |row: &usize| matrix[row * n + column].norm();
+            let size = |row: &usize| matrix[row * n + column].portable_norm();
             let pivot = (column..n).max_by(|a, b| size(a).total_cmp(&size(b)))?;
             (0..n).for_each(|k| matrix.swap(column * n + k, pivot * n + k));
             forcing.swap(column, pivot);
@@ -385,7 +385,7 @@ impl MeasuredOscillation {
             for _ in 0..LEVELS {
                 let off = seen.offset - line.mean;
                 let slope = self.slope(work, level, amplitude, rate)?;
-                if slope == 0.0 || off.abs() <= NEAR * line.harmonic.norm() {
+                if slope == 0.0 || off.abs() <= NEAR * line.harmonic.portable_norm() {
                     break;
                 }
                 level += off / slope;
@@ -393,16 +393,19 @@ impl MeasuredOscillation {
                 line = self.line(work, level, amplitude, rate);
             }
         }
-        let mut phase = (seen.phase_rad - line.harmonic.arg()) / self.harmonic as f64;
-        if self.harmonic == 2 && before.is_none() && line.first.norm() > NEAR * line.harmonic.norm() {
+        let mut phase = (seen.phase_rad - line.harmonic.portable_arg()) / self.harmonic as f64;
+        if self.harmonic == 2
+            && before.is_none()
+            && line.first.portable_norm() > NEAR * line.harmonic.portable_norm()
+        {
             let first = fit_sine_at(time_s, signal, motion_hz)?;
-            if (first.phase_rad - phase - line.first.arg()).cos() < 0.0 {
+            if (first.phase_rad - phase - line.first.portable_arg()).cos() < 0.0 {
                 phase += PI;
             }
         }
         let swing = Swing { rest: level, amplitude, rate, phase };
         let swing = if self.harmonic == 2 { swing.nearest_to(before) } else { swing };
-        let grows = line.harmonic.norm() / amplitude;
+        let grows = line.harmonic.portable_norm() / amplitude;
         (level.is_finite() && phase.is_finite() && grows.is_finite()).then_some((swing, grows))
     }
 
@@ -416,7 +419,9 @@ impl MeasuredOscillation {
     ) -> Option<f64> {
         let size = seen.amplitude;
         let work = RefCell::new(work);
-        let line = |amplitude: f64| self.line(&mut work.borrow_mut(), level, amplitude, rate).harmonic.norm();
+        let line = |amplitude: f64| {
+            self.line(&mut work.borrow_mut(), level, amplitude, rate).harmonic.portable_norm()
+        };
         let small = |amplitude: f64| line(amplitude) < SMALL * size;
         let near =
             before.map(|before| 0.5 * before.amplitude).filter(|near| *near > 0.0 && line(*near) < size);
@@ -441,7 +446,7 @@ impl MeasuredOscillation {
         let [above, below] =
             [level + step, level - step].map(|level| self.line(work, level, amplitude, rate).mean);
         let slope = (above - below) / (2.0 * step);
-        let size = self.line(work, level, amplitude, rate).harmonic.norm() / amplitude;
+        let size = self.line(work, level, amplitude, rate).harmonic.portable_norm() / amplitude;
         slope.is_finite().then_some(if slope.abs() < 1e-3 * size { 0.0 } else { slope })
     }
 }
@@ -512,13 +517,17 @@ impl Mean {
     fn add(&mut self, swing: &Swing, weight: f64) {
         self.weight += weight;
         self.level += weight * swing.rest;
-        self.phasor += Complex64::from_polar(weight * swing.amplitude, swing.phase);
+        self.phasor += Complex64::portable_polar(weight * swing.amplitude, swing.phase);
     }
 
     fn swing(&self, rate: f64) -> Option<Swing> {
         let phasor = self.phasor / self.weight;
-        let swing =
-            Swing { rest: self.level / self.weight, amplitude: phasor.norm(), rate, phase: phasor.arg() };
+        let swing = Swing {
+            rest: self.level / self.weight,
+            amplitude: phasor.portable_norm(),
+            rate,
+            phase: phasor.portable_arg(),
+        };
         (self.weight > 0.0 && swing.amplitude.is_finite()).then_some(swing)
     }
 }

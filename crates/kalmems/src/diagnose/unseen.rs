@@ -95,27 +95,8 @@ pub fn unseen(workbench: &Workbench, experiment: &Experiment) -> Vec<String> {
             exact.join(", ")
         ));
     }
-    said.extend(counted_twice(&document).map(|event| {
-        format!(
-            "filters that use `{event}` count the samples from which it is found twice, by themselves and by its time. Without process noise their \
-             claim is too small by up to 1.3 times, and no test of the innovations sees it"
-        )
-    }));
     said.dedup();
     said
-}
-
-/// The events that are found in a signal that corrects the filters which use them.
-fn counted_twice(document: &Table) -> impl Iterator<Item = &str> {
-    let estimate = document.get("estimate");
-    let events = estimate.and_then(|estimate| estimate.get("events")?.as_table());
-    let filters = estimate.and_then(|estimate| estimate.get("filter")?.as_array());
-    let uses = move |event: &str| {
-        let of = |filter: &Value| filter.get("events").is_some_and(|events| events.get(event).is_some());
-        filters.is_some_and(|filters| filters.iter().any(of))
-    };
-    let found = events.into_iter().flatten().filter(|(_, event)| event.get("signal").is_some());
-    found.map(|(name, _)| name.as_str()).filter(move |name| uses(name))
 }
 
 /// Whether a table has this key in one of its tables of process noise.
@@ -144,19 +125,6 @@ mod tests {
              [[recording]]\nrole = \"test\"\nfile = \"r.csv\"\nclock = {{ column = \"t_s\" }}\nchannels = {{ y = \"y_m\", z = \"z_K\" }}\n"
         );
         unseen(published(), &published().parse(&text, Path::new("nowhere.toml")).unwrap())
-    }
-
-    #[test]
-    fn crossings_that_are_found_in_the_filters_own_signal_are_named() {
-        let found_in = |source: &str| -> Vec<String> {
-            let text = format!(
-                "[estimate.events.passes]\n{source}\n[[estimate.filter]]\nevents = {{ passes = {{}} }}\n[[estimate.filter]]\n"
-            );
-            counted_twice(&text.parse().unwrap()).map(str::to_owned).collect()
-        };
-        assert_eq!(found_in("signal = \"y\""), ["passes"]);
-        // A channel of its own has noise of its own.
-        assert!(found_in("known_within = \"1 us\"").is_empty());
     }
 
     #[test]

@@ -8,7 +8,7 @@ use kalmems::circuit::{
 use kalmems::config::{ConfigError, Experiment};
 use kalmems::rigs::published;
 use kalmems::rigs::shared_scanner::device::SharedScanner;
-use kalmems::signal::fit_sine_at;
+use kalmems::signal::{PortableComplex, fit_sine_at};
 use kalmems::simulate::Drive;
 use kalmems_models::capacitance::GaussianComb;
 use kalmems_models::circuit::{DiodeEnvelope, SquareLaw, SynchronousDemodulator, Transimpedance};
@@ -84,7 +84,7 @@ fn bin_of(line: &CircuitLine, width_hz: f64) -> usize {
 /// The worst relative error of amplitude, and of phase in degrees, of the lines of one stage within 60 dB of the
 /// largest, and how many there are. Every bin that high must be a line, and every line that high a bin.
 fn compare(name: &str, lines: &CircuitSpectrum, bins: &[Complex<f64>], width_hz: f64) -> (f64, f64, usize) {
-    let amplitude = |bin: usize| if bin == 0 { 1.0 } else { 2.0 } * bins[bin].norm();
+    let amplitude = |bin: usize| if bin == 0 { 1.0 } else { 2.0 } * bins[bin].portable_norm();
     let largest = (0..bins.len()).map(amplitude).fold(0.0, f64::max);
     let listed = lines.lines_above(60.5);
     let (mut worst, mut turned) = (0.0_f64, 0.0_f64);
@@ -92,7 +92,7 @@ fn compare(name: &str, lines: &CircuitSpectrum, bins: &[Complex<f64>], width_hz:
     for line in &listed {
         let bin = bin_of(line, width_hz);
         let error = line.amplitude / amplitude(bin) - 1.0;
-        let phase = (Complex::from_polar(1.0, line.phase_rad) / bins[bin]).arg().to_degrees();
+        let phase = (Complex::portable_polar(1.0, line.phase_rad) / bins[bin]).portable_arg().to_degrees();
         if amplitude(bin) >= 1e-3 * largest {
             met += 1;
             worst = worst.max(error.abs());
@@ -266,7 +266,7 @@ fn the_rest_is_the_delay_of_the_high_pass() {
         let carrier_hz = excitation(0.0, 0.0).carrier_hz;
         let turn = (circuit.high_pass.response(carrier_hz + 10.0)
             / circuit.high_pass.response(carrier_hz - 10.0))
-        .arg();
+        .portable_arg();
         let group_delay_s = -turn / (TAU * 20.0);
         println!(
             "order {order}: {:.3} us, group delay {:.3} us",
@@ -307,7 +307,7 @@ fn designed_filters_meet_their_demands_and_no_lower_order_does() {
         DriveRejection { drive_hz: 31_350.0, side_band_hz: 468_650.0, rejection_db: 80.0, loss_db: 4.0 };
     let found = demand.design().unwrap();
     let decibels = |order: usize, cutoff: f64, hz: f64| {
-        -20.0 * HighPass::new(order, cutoff).unwrap().response(hz).norm().log10()
+        -20.0 * HighPass::new(order, cutoff).unwrap().response(hz).portable_norm().log10()
     };
     for cutoff in found.cutoff_hz {
         assert!(decibels(found.order, cutoff, demand.drive_hz) >= 80.0 - 1e-6);
@@ -329,9 +329,9 @@ fn designed_filters_meet_their_demands_and_no_lower_order_does() {
     for pole in [low, high] {
         let [signal, ripple] =
             [demand.signal_hz, demand.ripple_hz].map(|hz| circuit(pole).low_pass_response(hz));
-        assert!(-20.0 * signal.norm().log10() <= 1.5 + 1e-9);
-        assert!(-0.5 * signal.arg().to_degrees() <= 25.0 + 1e-9);
-        assert!(-20.0 * ripple.norm().log10() >= 30.0 - 1e-9);
+        assert!(-20.0 * signal.portable_norm().log10() <= 1.5 + 1e-9);
+        assert!(-0.5 * signal.portable_arg().to_degrees() <= 25.0 + 1e-9);
+        assert!(-20.0 * ripple.portable_norm().log10() >= 30.0 - 1e-9);
     }
     let impossible = Demodulation { lag_deg: 1.0, ..demand }.design().unwrap_err();
     assert!(matches!(impossible, DesignError::LowPass { .. }), "{impossible}");
@@ -426,8 +426,8 @@ fn the_example_is_simulated_through_its_circuit() {
     let lines = Bands::of(&circuit(4), &excitation, &COMB, &motion).output.unwrap();
     println!("{:.4} V, predicted {:.4} V", line.amplitude, lines.amplitude(0, 1));
     assert_close(line.amplitude, lines.amplitude(0, 1), 0.01, "line");
-    let turned = Complex::from_polar(1.0, line.phase_rad) / lines.coefficient(0, 1);
-    assert!(turned.arg().to_degrees().abs() < 1.0, "{}", turned.arg().to_degrees());
+    let turned = Complex::portable_polar(1.0, line.phase_rad) / lines.coefficient(0, 1);
+    assert!(turned.portable_arg().to_degrees().abs() < 1.0, "{}", turned.portable_arg().to_degrees());
     assert_close(line.offset, lines.amplitude(0, 0), 0.01, "mean");
 
     // The amplifier's noise: mixed down by the carrier from both sides of it, behind both poles.

@@ -209,9 +209,8 @@ fn cases() -> Vec<(&'static str, RecordedBySeed)> {
             }),
         ));
     }
-    // Of the published devices the process noise is that of their motion: none, but of the accelerometer. The filter of the threshold scanner takes
-    // crossings that are found in its own samples as independent of these: the information gives a mean square of its errors of 1.5 of the claimed.
-    // That of the micro-stage takes the mean of the drive at both ends of an interval, which makes a sine smaller by 5e-5.
+    // Of the published devices the process noise is that of their motion: none, but of the accelerometer. The filter of the micro-stage
+    // takes the mean of the drive at both ends of an interval, which makes a sine smaller by 5e-5.
     for (name, silent) in [
         ("shared scanner", Some("estimate.process_noise.angular_acceleration")),
         ("micro-stage", Some("estimate.process_noise.angular_acceleration")),

@@ -36,8 +36,6 @@ pub fn files(
         CurveShape::Gaussian => GAUSSIAN,
     };
     let gate = scaled.gate_nis.map(|nis| GATE.replace("@nis@", &float(nis))).unwrap_or_default();
-    let [parameter, of_crossing, of_sample] =
-        if gate.is_empty() { [""; 3] } else { [", int is_crossing", ", 1", ", 0"] };
     let body = [PRELUDE, FINDER, curve, FILTER].concat();
     let body = [
         ("half", half.to_string()),
@@ -61,9 +59,8 @@ pub fn files(
         ("threshold", float(scaled.angle)),
         ("least", float(scaled.least_variance)),
         ("gate", gate),
-        ("parameter", parameter.to_owned()),
-        ("of_crossing", of_crossing.to_owned()),
-        ("of_sample", of_sample.to_owned()),
+        ("share", float(scaled.share())),
+        ("twice", float(1.0 + scaled.share())),
         ("centre", float(scaled.centre)),
         ("gain", float(scaled.gain)),
         ("offset", float(scaled.offset)),
@@ -386,11 +383,13 @@ static int predict(@name@_t *filter)
 }
 
 /* Corrects by what differs by `residual` from h times the state, with the noise's variance. */
-static int correct(@name@_t *filter, float h0, float h1, float residual, float noise@parameter@)
+static int correct(@name@_t *filter, float h0, float h1, float residual, float noise, int is_crossing)
 {
     const float hp0 = h0 * filter->p00 + h1 * filter->p10, hp1 = h0 * filter->p10 + h1 * filter->p11;
     const float variance = hp0 * h0 + hp1 * h1 + noise;
     const float k0 = hp0 / variance, k1 = hp1 / variance;
+    /* What a crossing takes from the covariance, K S K', it gives back as far as the samples are taken. */
+    const float added = is_crossing ? noise + @share@ * variance : noise;
     /* Joseph's form: (I - K H) P (I - K H)' + K R K'. */
     const float a00 = 1.0F - k0 * h0, a01 = -(k0 * h1), a10 = -(k1 * h0), a11 = 1.0F - k1 * h1;
     const float b00 = a00 * filter->p00 + a01 * filter->p10, b01 = a00 * filter->p10 + a01 * filter->p11;
@@ -399,8 +398,8 @@ static int correct(@name@_t *filter, float h0, float h1, float residual, float n
         return 0;
     }
 @gate@    return take(filter, filter->angle + k0 * residual, filter->rate + k1 * residual,
-                b00 * a00 + b01 * a01 + k0 * k0 * noise, b10 * a00 + b11 * a01 + k1 * k0 * noise,
-                b10 * a10 + b11 * a11 + k1 * k1 * noise);
+                b00 * a00 + b01 * a01 + k0 * k0 * added, b10 * a00 + b11 * a01 + k1 * k0 * added,
+                b10 * a10 + b11 * a11 + k1 * k1 * added);
 }
 
 /* Corrects by a crossing that is known now, where the signal has a zero there. */
@@ -426,12 +425,13 @@ static int cross(@name@_t *filter)
     }
     /* The rate then makes an error of the time one of the angle. */
     rate = h0 * filter->rate + h1 * (@a10@ * filter->angle + @a11@ * filter->rate);
-    noise = @value_gain@ / (slope * slope) * (rate * rate) + @least@;
+    /* More by as much as the samples from which it was found correct the filter themselves. */
+    noise = @twice@ * (@value_gain@ / (slope * slope) * (rate * rate) + @least@);
     if (!is_finite(noise)) {
         return 1;
     }
     filter->crossings++;
-    return correct(filter, h0, h1, @threshold@ - (h0 * filter->angle + h1 * filter->rate), noise@of_crossing@);
+    return correct(filter, h0, h1, @threshold@ - (h0 * filter->angle + h1 * filter->rate), noise, 1);
 }
 
 /* What comes behind the prediction. */
@@ -443,7 +443,7 @@ static int take_in(@name@_t *filter, float signal_v)
         return 0;
     }
     h = sensitivity(filter->angle, &by_angle);
-    return correct(filter, by_angle * filter->rate, h, signal - (h * filter->rate + @offset@), @variance@@of_sample@);
+    return correct(filter, by_angle * filter->rate, h, signal - (h * filter->rate + @offset@), @variance@, 0);
 }
 
 void @name@_start(@name@_t *filter)

@@ -166,6 +166,11 @@ impl ScaledThreshold {
         Ok(((1..=reach).map(|n| design.weight(n)).collect(), design))
     }
 
+    /// How much of what a sample tells the filter takes.
+    pub fn share(&self) -> f64 {
+        self.variance.recip().min(1.0)
+    }
+
     /// The module behind its heading, for Rust.
     pub fn to_rust(&self) -> Result<String, ExportError> {
         let of = |x: f64| format!("of({})", number(x));
@@ -234,6 +239,7 @@ impl ScaledThreshold {
                 ("rate_unit", &number(self.rate_unit)),
                 ("reach", &self.reach),
                 ("shape", &shape),
+                ("share", &number(self.share())),
                 ("threshold", &number(self.angle)),
                 ("slope_moments", &list(&slope.moments(), &number)),
                 ("slope_weights", &table(slope_weights)),
@@ -360,9 +366,14 @@ impl<T: Scalar> Estimator<T> {
         let rate = by_angle * angle + by_rate * rate;
         let variance = angle_variance(crossing.timing_variance, rate, of(1.0)) + of(@least@);
         self.crossings += 1;
-        self.filter
-            .update_where(&past, &[of(@threshold@)], &Covariance::from_variances([variance]), &@gate@)
-            .map(drop)
+        // The samples from which it was found correct the filter themselves, all or a part of them: so much it is less certain, and gives back.
+        let before = *self.filter.covariance();
+        let variance = Covariance::from_variances([variance * of(1.0 + @share@)]);
+        self.filter.update_where(&past, &[of(@threshold@)], &variance, &@gate@)?;
+        let after = *self.filter.covariance();
+        let claimed = |i, j| after.get(i, j) + of(@share@) * (before.get(i, j) - after.get(i, j));
+        self.filter = Ekf::new(*self.filter.mean(), Covariance::from_lower(Mat::from_fn(claimed)));
+        Ok(())
     }
 
     /// How many crossings there were.

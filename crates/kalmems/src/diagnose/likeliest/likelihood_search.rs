@@ -46,6 +46,9 @@ const MOST_JUMPS: usize = 3;
 /// for, with the factor from one distance to the next and how many there are.
 const SECOND_MAXIMUM: f64 = 20.0;
 const NEAREST: f64 = 3.0;
+/// The standard errors within which two maxima are one: its parabola falls by 50 over so many, and what makes it rough, such as a sample that is
+/// rejected or not, makes no other value.
+const ONE_MAXIMUM: f64 = 10.0;
 const FARTHER: f64 = 1.5;
 const DISTANCES: i32 = 24;
 
@@ -380,7 +383,7 @@ impl LikelihoodSearch<'_> {
                     let there = self.most_likely_from(suspects, &start);
                     let is_other = |there: &MostLikelySizes| {
                         !there.is_no_maximum()
-                            && (there.at[place] - found.at[place]).abs() > NEAREST * sd
+                            && (there.at[place] - found.at[place]).abs() > ONE_MAXIMUM * sd
                             && there.log_likelihood > found.log_likelihood - SECOND_MAXIMUM
                     };
                     if let Some(there) = there.filter(is_other) {

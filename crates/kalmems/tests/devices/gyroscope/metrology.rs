@@ -8,6 +8,7 @@ use kalmems::applications::calibration::{
 };
 use kalmems::applications::metrology::{Distribution, coverage_factor};
 use kalmems::figures::Shape;
+use kalmems::signal::PortableComplex;
 use kalmems::simulate::WhiteNoise;
 use realfft::num_complex::Complex64;
 use statrs::distribution::{Binomial, DiscreteCDF};
@@ -86,7 +87,7 @@ fn held_with_scatter(records: usize, relative: f64, seeds: std::ops::Range<u64>)
         let mut noise = WhiteNoise::new(*seed, 91);
         let pairs: Vec<RatePair> = (0..records)
             .map(|_| {
-                let turn = Complex64::from_polar(1.0, noise.uniform());
+                let turn = Complex64::portable_polar(1.0, noise.uniform());
                 let factor = FACTOR + relative * NOISE * noise.sample();
                 let error = Complex64::new(NOISE * noise.sample(), NOISE * noise.sample());
                 let none = Complex64::new(0.0, 0.0);
