@@ -156,9 +156,14 @@ impl<T: Scalar> Estimator<T> {
         let rate = by_angle * angle + by_rate * rate;
         let variance = angle_variance(crossing.timing_variance, rate, of(1.0)) + of(2.97025e-7);
         self.crossings += 1;
-        self.filter
-            .update_where(&past, &[of(0.20165)], &Covariance::from_variances([variance]), &Always)
-            .map(drop)
+        // The samples from which it was found correct the filter themselves, all or a part of them: so much it is less certain, and gives back.
+        let before = self.filter.covariance();
+        let variance = Covariance::from_variances([variance * of(1.0 + 1.0)]);
+        self.filter.update_where(&past, &[of(0.20165)], &variance, &Always)?;
+        let after = self.filter.covariance();
+        let claimed = |i, j| after.get(i, j) + of(1.0) * (before.get(i, j) - after.get(i, j));
+        self.filter = Ekf::new(*self.filter.mean(), Covariance::from_lower(Mat::from_fn(claimed)));
+        Ok(())
     }
 
     /// How many crossings there were.

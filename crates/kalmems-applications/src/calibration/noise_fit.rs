@@ -315,15 +315,18 @@ impl OctaveFit {
         }
     }
 
-    /// The degrees of freedom of the fitted Allan variance at an averaging time, by the covariance of the parts that are not 0.
-    fn freedom(&self, interval_s: f64, time_s: f64) -> f64 {
+    /// The degrees of freedom of the fitted Allan variance at the length of a record, by the covariance of the parts that are not 0; no fewer than
+    /// the variance at an eighth of it has of itself, of which a part that is hardly seen would leave next to none.
+    fn freedom(&self, interval_s: f64, duration_s: f64) -> f64 {
+        let mut within = self.octaves.iter().filter(|octave| octave.time_s <= duration_s / 8.0);
+        let own = within.next_back().or(self.octaves.first()).map_or(1.0, |octave| octave.freedom);
         let Some([_, covariance]) = self.sandwich(std::array::from_fn(|column| self.is_free(column))) else {
-            return 1.0;
+            return own;
         };
-        let slopes = self.gradient(&FittedOctave::at(time_s, interval_s));
+        let slopes = self.gradient(&FittedOctave::at(duration_s, interval_s));
         let places = (0..COLUMNS).flat_map(|a| (0..COLUMNS).map(move |b| (a, b)));
         let free = places.filter(|(a, b)| self.is_free(*a) && self.is_free(*b));
-        2.0 / free.map(|(a, b)| slopes[a] * covariance.0[a][b] * slopes[b]).sum::<f64>()
+        own.max(2.0 / free.map(|(a, b)| slopes[a] * covariance.0[a][b] * slopes[b]).sum::<f64>())
     }
 
     /// By how much more than that of independent variances the likelihood may fall along a part.

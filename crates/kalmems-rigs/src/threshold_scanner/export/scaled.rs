@@ -367,10 +367,10 @@ impl<T: Scalar> Estimator<T> {
         let variance = angle_variance(crossing.timing_variance, rate, of(1.0)) + of(@least@);
         self.crossings += 1;
         // The samples from which it was found correct the filter themselves, all or a part of them: so much it is less certain, and gives back.
-        let before = *self.filter.covariance();
+        let before = self.filter.covariance();
         let variance = Covariance::from_variances([variance * of(1.0 + @share@)]);
         self.filter.update_where(&past, &[of(@threshold@)], &variance, &@gate@)?;
-        let after = *self.filter.covariance();
+        let after = self.filter.covariance();
         let claimed = |i, j| after.get(i, j) + of(@share@) * (before.get(i, j) - after.get(i, j));
         self.filter = Ekf::new(*self.filter.mean(), Covariance::from_lower(Mat::from_fn(claimed)));
         Ok(())

@@ -161,7 +161,9 @@ impl LikelihoodOutcome<'_> {
                 found.undetermined.push(Undetermined { what: suspect.name(), why });
                 continue;
             }
-            let value = rounded(&number.times(Scalar::exp(*size)), Some(sd).filter(|sd| sd.is_finite()));
+            // A value without an uncertainty has the digits that the likelihood alone gives it.
+            let known = [sd, self.found.sd[index]].into_iter().find(|sd| sd.is_finite());
+            let value = rounded(&number.times(Scalar::exp(*size)), known);
             let of_process = |step: &KeyStep| matches!(step, KeyStep::Name(name) if name == "process_noise");
             let is_noise =
                 suspect.is_noise_in(&self.sought.bench.document) || number.key.steps().iter().any(of_process);

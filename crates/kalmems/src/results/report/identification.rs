@@ -56,14 +56,10 @@ impl<'a> IdentificationSummary<'a> {
         let mut table = TextTable::new("", heads.map(ColumnHead::text));
         for p in self.parameters {
             let dash = || "–".to_owned();
-            if !p.standard_error.is_finite() && self.undetermined.iter().any(|one| one.what == p.name) {
-                table.push([
-                    p.name.clone(),
-                    "not determined".to_owned(),
-                    dash(),
-                    dash(),
-                    p.recording.clone(),
-                ]);
+            if !p.standard_error.is_finite() {
+                let is_none = self.undetermined.iter().any(|one| one.what == p.name);
+                let value = if is_none { "not determined".to_owned() } else { without_error(p) };
+                table.push([p.name.clone(), value, dash(), dash(), p.recording.clone()]);
                 continue;
             }
             let [value, error, low, high] = in_one_unit(p);
@@ -213,6 +209,16 @@ fn in_one_unit(p: &Identified) -> [String; 4] {
         number(p.interval[0]),
         format!("{}{behind}", number(p.interval[1])),
     ]
+}
+
+/// The value of a parameter of which no uncertainty is known, in six digits.
+fn without_error(p: &Identified) -> String {
+    let [value, ..] = in_one_unit(&Identified {
+        standard_error: 1e-4 * p.value.abs(),
+        interval: [p.value; 2],
+        ..p.clone()
+    });
+    value
 }
 
 /// Numbers between these are read without an exponent.
