@@ -1,6 +1,9 @@
 //! Constant gains: against the recursion that they are the end of, against closed forms and published numbers,
 //! and against eigenvalues by nalgebra.
 
+// Eigenvalues of a library, compared within a tolerance.
+#![allow(clippy::disallowed_methods)]
+
 use approx::assert_relative_eq;
 use kalmems_core::filter::{ContinuousObserver, ObserverError, Pole, place_poles};
 use kalmems_core::riccati::{
