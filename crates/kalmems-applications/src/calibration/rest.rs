@@ -159,7 +159,7 @@ pub struct AxisAtRest {
 pub enum BiasMethod {
     /// The fitted Allan deviation at the length of the record: white noise of the mean, and flicker, which no average takes away and which has
     /// no mean for ever. The interval holds the mean over four times the record, and a constant bias in white noise. Its degrees of freedom are
-    /// those that the fit gives that variance.
+    /// those that the fit gives that variance, and no fewer than those of the variance at an eighth of the record.
     NoiseFit,
     /// The mean of the means of several records and its standard deviation by their scatter, which has in it what the bias changes from one
     /// record to the next.
