@@ -330,7 +330,7 @@ fn method(found: &Calibration) -> String {
     };
     if by(BiasMethod::NoiseFit) {
         method += " The bias is the mean of a record at rest; its standard uncertainty is Allan's deviation at the length of the record by the noise \
-                   that was fitted to Allan's variances, with the degrees of freedom that the fit gives that variance.";
+                   that was fitted to Allan's variances, with the degrees of freedom that the fit gives that variance, at least those at an eighth of the record.";
     }
     if by(BiasMethod::MeansOfRecords) {
         method += " The bias is the mean of the means of several records at rest; its standard uncertainty is that by their scatter (Type A).";
