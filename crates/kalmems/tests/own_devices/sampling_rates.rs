@@ -159,35 +159,75 @@ fn slow_right_filters_that_find_their_resonance_hold_at_every_sampling_rate() {
     });
 }
 
-/// From a thousand samples to three million; the steps are planned once, and watched to the end.
-#[test]
-#[ignore = "slow: five minutes on two processors in a release build"]
-fn slow_right_filters_hold_over_every_length() {
+/// Holds right filters of each length against their claims; the steps are planned once, and watched to the end.
+fn hold_over_every_length(
+    lengths: [(usize, u64); 4],
+    of: impl Fn(usize, u64) -> Vec<(&'static str, Judged)>,
+) {
     let (mut squares, mut doubted, mut runs) = (Vec::new(), 0, 0);
-    for (samples, seeds) in [(1000, 20), (10_000, 6), (1_000_000, 1), (3_000_000, 1)] {
+    for (samples, seeds) in lengths {
         for seed in 2000..2000 + seeds {
-            for per_cycle in [26.0, 64.0] {
-                let device = Device { skip_s: 2e-4, ..scanner(per_cycle, 1e4, Between::AsItIs) };
-                let known = Device { skip_s: 2e-4, ..stiffening_of_known_resonance(20e3 * per_cycle) };
-                let state = Device { skip_s: 2e-4, ..stiffening(20e3 * per_cycle) };
-                let all = [
-                    ("scanner", judged(&device, samples, seed, &[])),
-                    ("resonance known", judged(&known, samples, seed, &[])),
-                    ("resonance a state", judged(&state, samples, seed, &[])),
-                ];
-                for (name, one) in all {
-                    runs += 1;
-                    doubted += usize::from(one.grade > Grade::PassesWithRemarks);
-                    assert!(one.step_error < 0.05, "{name}, {samples} samples: {}", one.step_error);
-                    println!("{name}, {samples} samples: {:?}", one.mean_squares);
-                    squares.extend(one.mean_squares);
-                }
+            for (name, one) in of(samples, seed) {
+                runs += 1;
+                doubted += usize::from(one.grade > Grade::PassesWithRemarks);
+                assert!(one.step_error < 0.05, "{name}, {samples} samples: {}", one.step_error);
+                println!("{name}, {samples} samples: {:?}", one.mean_squares);
+                squares.extend(one.mean_squares);
             }
         }
     }
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
     println!("mean square error {mean:.3} of the claimed in {runs} runs, of which {doubted} are doubted");
     assert!((0.8..1.3).contains(&mean) && doubted * 50 <= runs, "{mean}, {doubted} of {runs}");
+}
+
+/// Judged from four cycles of 64 samples on, so that a thousand samples suffice.
+fn judged_soon<const N: usize, const M: usize>(
+    device: Device<N, M>,
+    (samples, seed): (usize, u64),
+    without: &[&str],
+) -> Judged {
+    judged(&Device { skip_s: 256.0 / device.rate_hz, ..device }, samples, seed, without)
+}
+
+#[test]
+#[ignore = "slow: five minutes on two processors in a release build"]
+fn slow_right_filters_hold_over_every_length() {
+    hold_over_every_length([(1000, 20), (10_000, 6), (1_000_000, 1), (3_000_000, 1)], |samples, seed| {
+        let of = |per_cycle: f64| {
+            let known = stiffening_of_known_resonance(20e3 * per_cycle);
+            let run = (samples, seed);
+            [
+                ("scanner", judged_soon(scanner(per_cycle, 1e4, Between::AsItIs), run, &[])),
+                ("resonance known", judged_soon(known, run, &[])),
+                ("resonance a state", judged_soon(stiffening(20e3 * per_cycle), run, &[])),
+            ]
+        };
+        [26.0, 64.0].into_iter().flat_map(of).collect()
+    });
+}
+
+#[test]
+#[ignore = "slow: fifteen minutes on two processors in a release build"]
+fn slow_right_filters_of_further_devices_hold_over_every_length() {
+    const PER_CYCLE: f64 = 64.0;
+    let stage = || Device { rate_hz: 1714.5 * PER_CYCLE, substeps: 13, ..stage() };
+    let thermal = || Device { rate_hz: 480.0 * PER_CYCLE, substeps: 13, ..thermal() };
+    hold_over_every_length([(1000, 10), (10_000, 3), (1_000_000, 1), (3_000_000, 1)], |samples, seed| {
+        let run = (samples, seed);
+        vec![
+            ("ring", judged_soon(Device { rate_hz: 7.5e3 * PER_CYCLE, ..ring() }, run, &[])),
+            ("comb resonator", judged_soon(comb_resonator(PER_CYCLE), run, &[])),
+            ("tuning fork", judged_soon(tuning_fork(PER_CYCLE), run, &[])),
+            ("vibrating gyroscope", judged_soon(vibrating_gyroscope(PER_CYCLE), run, &[])),
+            ("thermal mirror", judged_soon(thermal(), run, &["T", "F"])),
+            ("accelerometer", judged_soon(accelerometer(4.5e3 * PER_CYCLE), run, &[])),
+            ("micro-stage", judged_soon(stage(), run, &[])),
+            ("piston mirror", judged_soon(piston_mirror(PER_CYCLE), run, &[])),
+            ("threshold", judged_soon(threshold(PER_CYCLE), run, &[])),
+            ("contact switch", judged_soon(contact_switch(PER_CYCLE), run, &[])),
+        ]
+    });
 }
 
 /// The polynomial through six samples of the drive alone makes errors of 1.4 times the claim at 20 samples in a cycle, as `inspect` says.
