@@ -137,6 +137,8 @@ pub(super) struct OctaveFit {
     left_out: usize,
     /// Cov(A_i, A_j)/(E A_i·E A_j).
     covariance: Vec<Vec<f64>>,
+    /// The square of a random walk below which an interval begins all the same, as what looks like one may be a ramp.
+    walk_from: f64,
 }
 
 impl OctaveFit {
@@ -191,7 +193,13 @@ impl OctaveFit {
         });
         let matrix = rows.collect::<Option<_>>()?;
         let cost = cost(&octaves, &model);
-        Some(Self { octaves, model, cost, p: 0.0, left_out: 0, covariance: matrix })
+        Some(Self { octaves, model, cost, p: 0.0, left_out: 0, covariance: matrix, walk_from: f64::INFINITY })
+    }
+
+    /// The same, of a record that may have a ramp: the interval of its random walk begins no later than that by differences without one.
+    #[must_use]
+    pub fn with_possible_ramp(self, without: &Self) -> Self {
+        Self { walk_from: without.interval(WALK)[0], ..self }
     }
 
     /// The derivatives of ln E A by the squares of the parts, each times a scale of its own, and by the logarithm of the time constant.
@@ -372,6 +380,7 @@ impl OctaveFit {
             Some((near * far).sqrt())
         };
         let low = if best > 0.0 { end(FARTHEST.recip(), fall).unwrap_or(0.0) } else { 0.0 };
+        let low = if part == WALK { low.min(self.walk_from) } else { low };
         let farthest = if best > 0.0 { FARTHEST } else { 1e16 };
         let high = end(farthest, fall);
         let is_alone = high.is_some_and(|size| self.has_vanished_in(&self.profile(part, size).0, part));

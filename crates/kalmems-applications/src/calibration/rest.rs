@@ -194,6 +194,7 @@ fn as_fitted(found: Confident, fit: &NoiseFit, sums: &OctaveSums) -> Confident {
 }
 
 /// The noise, and the rate ramp of one record: a ramp that is seen is no random walk, and the noise is fitted to differences that do not contain it then.
+/// One that is not seen may still be what looks like a walk.
 fn fitted(
     rest: &RestSamples,
     deviations: &[Confident],
@@ -210,7 +211,8 @@ fn fitted(
         return (fit, None);
     };
     let ramp = RateRamp::of(&without.model, &rest.pieces(RAMP_PIECES, 1), interval_s);
-    (if ramp.is_some_and(|ramp| ramp.is_seen()) { Ok(without) } else { fit }, ramp)
+    let is_seen = ramp.is_some_and(|ramp| ramp.is_seen());
+    (if is_seen { Ok(without) } else { fit.map(|fit| fit.with_possible_ramp(&without)) }, ramp)
 }
 
 /// A deviation with the part of the noise that was subtracted with lines.
@@ -694,6 +696,18 @@ mod tests {
             rest.noise_fit
         );
         assert!(rest.not_fitted.is_some_and(|why| why.contains("do not describe the deviations")));
+    }
+
+    /// Ramps of five standard deviations by the white noise alone, of which few are seen, look like a random walk: the interval of that holds none all
+    /// the same.
+    #[test]
+    fn what_may_be_a_ramp_is_no_certain_random_walk() {
+        let of = |seed| Made { walk: WALK, ramp: 0.5 * RAMP, ..NOTHING }.at_rest(seed);
+        let each: Vec<AxisAtRest> = (900..940).map(of).collect();
+        let unseen = each.iter().filter(|rest| rest.rate_ramp_interval.is_some_and(|[low, _]| low <= 0.0));
+        let certain =
+            each.iter().filter(|rest| rest.rate_random_walk_interval.is_some_and(|[low, _]| low > 0.0));
+        assert!(unseen.count() > 20 && certain.count() < 3);
     }
 
     /// A ramp of ten standard deviations by the white noise alone is seen, and is no random walk: with a walk that the record does not exclude, these
