@@ -16,7 +16,7 @@ import pytest
 from conftest import EXAMPLES
 
 import kalmems
-from kalmems import _arrow
+from kalmems import _arrow, filters
 
 
 @pytest.fixture(scope="module")
@@ -242,6 +242,7 @@ LIBRARIES: dict[str, tuple[str, Callable[[kalmems.Result, Path], object]]] = {
     "xarray": ("xarray", lambda result, _: result["EKF"].to_xarray()),
     "pyarrow": ("arrow", lambda result, _: result["EKF"].to_arrow()),
     "pyarrow.parquet": ("arrow", lambda result, folder: result["EKF"].to_parquet(folder / "ekf.parquet")),
+    "scipy.optimize": ("fit", lambda *_: filters.fit(lambda q: {"F": 1, "H": 1, "Q": q, "R": 1, "x0": 0, "P0": 1}, {"q": 1}, np.ones(9))),
     "scipy.io": ("mat", lambda result, folder: result["EKF"].to_mat(folder / "ekf.mat")),
     "fsspec": ("remote", lambda *_: kalmems.Experiment.load(EXAMPLES / "shared_scanner/experiment.toml").estimate_many("memory://*.csv", "memory://out")),
 }

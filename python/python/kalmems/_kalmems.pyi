@@ -194,14 +194,14 @@ def image(path: str | PathLike[str], progress: _Progress=None) -> tuple[str, str
     Puts an image together: the figures as JSON, as text, and the image.
     """
 
-def kalman(z: _Numbers, f: _Numbers, h: _Numbers, q: _Numbers, r: _Numbers, x0: _Numbers, p0: _Numbers, b: _Numbers | None=None, u: _Numbers | None=None, smooth: bool=False) -> dict[str, _Numbers]:
+def kalman(z: _Numbers, f: _Numbers, h: _Numbers, q: _Numbers, r: _Numbers, x0: _Numbers, p0: _Numbers, b: _Numbers | None, u: _Numbers | None, manner: tuple[str, tuple[float, float, float], float, int]) -> dict[str, _Numbers]:
     """
     The linear Kalman filter over arrays.
     """
 
-def nonlinear(z: _Numbers, functions: Sequence[_Function], q: _Numbers, r: _Numbers, x0: _Numbers, p0: _Numbers, u: _Numbers | None=None, points: tuple[float, float, float] | None=None, smooth: bool=False) -> dict[str, _Numbers]:
+def nonlinear(z: _Numbers, functions: Sequence[_Function], q: _Numbers, r: _Numbers, x0: _Numbers, p0: _Numbers, u: _Numbers | None, manner: tuple[str, tuple[float, float, float], float, int]) -> dict[str, _Numbers]:
     """
-    The extended Kalman filter of a model of functions, or with the spread (α, β, κ) of its points the unscented one.
+    The filter of a model of functions.
     """
 
 def replaced(text: str, path: str | PathLike[str], changes: dict[str, Any]) -> str:

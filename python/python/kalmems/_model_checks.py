@@ -21,6 +21,8 @@ ROOM = 64
 """Numbers that a compiled function may write too many in a check, where the filter has no room for them."""
 BLOCK = 2**16
 """So many samples are looked at in one go."""
+TINY = float(np.finfo(float).tiny)
+"""The smallest number that has all its digits."""
 NEGLIGIBLE = 1e-8
 """The effect of an element on a value, relative to the largest in its row, from which on it is compared."""
 
@@ -42,18 +44,27 @@ def measured(z: Numbers) -> None:
 
 
 def covariance(name: str, matrix: Numbers) -> None:
-    """Refuses what is no covariance. One of another shape is refused where the filter begins."""
-    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or matrix.size == 0:
+    """Refuses what is no covariance, of one or of each sample. One of another shape is refused where the filter begins."""
+    if matrix.ndim not in (2, 3) or matrix.shape[-2] != matrix.shape[-1] or matrix.size == 0:
         return
-    largest = float(np.abs(matrix).max())
-    difference = np.abs(matrix - matrix.T)
-    if difference.max() > SYMMETRY * largest:
-        i, j = np.unravel_index(int(difference.argmax()), matrix.shape)
-        pair = f"element ({i}, {j}) is {matrix[i, j]:g} and ({j}, {i}) is {matrix[j, i]:g}"
-        raise ValueError(f"`{name}` is not symmetric: {pair}; give `({name} + {name}.T) / 2` if that is what is meant")
-    smallest = float(np.linalg.eigvalsh(matrix)[0])
-    if smallest < -SYMMETRY * largest * len(matrix):
-        raise ValueError(f"`{name}` is no covariance: its smallest eigenvalue is {smallest:.3g}; variances are on its diagonal and not negative")
+    n, all_of = matrix.shape[-1], matrix.reshape(-1, *matrix.shape[-2:])
+    # In pieces, between which an interruption is heard.
+    for start in range(0, len(all_of), BLOCK):
+        each = all_of[start : start + BLOCK]
+        largest = np.abs(each).max(axis=(1, 2))
+        difference = np.abs(each - each.transpose(0, 2, 1))
+        if (difference > SYMMETRY * largest[:, None, None]).any():
+            k, i, j = np.unravel_index(int((difference / np.maximum(largest, TINY)[:, None, None]).argmax()), difference.shape)
+            which = "" if matrix.ndim == 2 else f" at sample {start + k}"
+            pair = f"element ({i}, {j}) is {each[k, i, j]:g} and ({j}, {i}) is {each[k, j, i]:g}"
+            raise ValueError(f"`{name}` is not symmetric{which}: {pair}; give `({name} + {name}.T) / 2` if that is what is meant")
+        smallest = np.linalg.eigvalsh(each)[:, 0]
+        wrong = smallest < -SYMMETRY * largest * n
+        if wrong.any():
+            k = int(wrong.argmax())
+            which = "" if matrix.ndim == 2 else f" at sample {start + k}"
+            mend = "variances are on its diagonal and not negative"
+            raise ValueError(f"`{name}` is no covariance{which}: its smallest eigenvalue is {smallest[k]:.3g}; {mend}")
 
 
 def arguments(name: str, function: Callable[..., Any], has_inputs: bool) -> None:
@@ -126,7 +137,7 @@ def derivative(name: str, of: str, given: Numbers, function: Evaluated, x: Numbe
     # How much of a difference quotient its step and the digits of the values leave undecided.
     unsure = 10 * np.abs(near - far) + 10 * noise
     error, larger = np.abs(given - near), np.maximum(np.abs(given), np.abs(near))
-    weights = (larger * scales) / np.maximum((larger * scales).max(axis=1, keepdims=True), np.finfo(float).tiny)
+    weights = (larger * scales) / np.maximum((larger * scales).max(axis=1, keepdims=True), TINY)
     wrong = (error > DERIVATIVE * larger + unsure) & (weights > NEGLIGIBLE) | ~np.isfinite(given)
     if wrong.any():
         i, j = np.argwhere(wrong)[0]

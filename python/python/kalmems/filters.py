@@ -1,11 +1,13 @@
 """Kalman filters over arrays, for linear systems and for models of one's own.
 
-`kalman` is the filter of a linear system, `Ekf` and `Ukf` are those of functions. Shapes are written with n states, m measurements, k inputs and N
-samples. Units are the caller's own: a covariance has the square of the unit of what it is of, and `F` is per step, from a sample to the next.
+`kalman` is the filter of a linear system, `Ekf` and `Ukf` are those of functions, and `fit` and `em` learn what a linear system does not know of
+itself. Shapes are written with n states, m measurements, k inputs and N samples. Units are the caller's own: a covariance has the square of the unit
+of what it is of, and `F` is per step, from a sample to the next.
 
 What is known before, `x0` and `P0`, is of the first sample before it is taken: that is updated with first, and each further sample is predicted
-and then updated with. A sample with a value that is not a number is predicted only. Filters are compiled for up to six states and two
-measurements.
+and then updated with. Numbers of a sample that are not one are missing: the others correct the state, and where all are missing it is predicted only.
+So sensors of different rates share the rows of all their times, and rows of `nan` at the end are a forecast. There are up to 24 states and 16
+measurements, and up to 12 states for `Ukf` and an iterated `Ekf`.
 
 Before it runs, a model is checked: numbers are finite, covariances symmetric (to 1e-12 of their largest element) and without negative eigenvalues,
 functions give arrays of the right shapes, and derivatives agree with difference quotients at `x0`. Functions are checked in the first run alone.
@@ -15,16 +17,17 @@ functions give arrays of the right shapes, and derivatives agree with difference
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _kalmems, _model_checks
+from . import _fit, _kalmems, _model_checks
+from ._fit import Fit, Learned
 
-__all__ = ["Ekf", "Filtered", "Smoothed", "Ukf", "kalman"]
+__all__ = ["Ekf", "Filtered", "Fit", "Learned", "Smoothed", "Ukf", "em", "fit", "kalman"]
 
 _SIGNATURE = "void(CPointer(float64), CPointer(float64), CPointer(float64))"
 
@@ -35,7 +38,7 @@ Function: TypeAlias = Callable[..., Any]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Smoothed:
-    """The state at each sample given all samples, by the smoother of Rauch, Tung and Striebel.
+    """The state at each sample given later samples, by the smoother of Rauch, Tung and Striebel.
 
     Examples
     --------
@@ -89,8 +92,10 @@ class Filtered:
     """The normalised innovation squared, of the shape (N,): m on average for a consistent filter."""
     log_likelihood: Numbers
     """ln p(z | past) of each sample, of the shape (N,)."""
+    taken: NDArray[np.bool_]
+    """Whether a sample has corrected the state, of the shape (N,)."""
     smoothed: Smoothed | None = None
-    """The state given the later samples as well, if `smooth=True` asked for it."""
+    """The state given later samples as well, if `smooth` asked for it."""
 
     @property
     def sd(self) -> Numbers:
@@ -103,8 +108,10 @@ class Filtered:
 
     def __repr__(self) -> str:
         of = f"{_counted(self.x.shape[1], 'state')} and {_counted(self.innovation.shape[1], 'measurement')}"
-        missing = int(np.isnan(self.log_likelihood).sum())
+        is_missing = np.isnan(self.log_likelihood)
+        missing, rejected = int(is_missing.sum()), int((~self.taken & ~is_missing).sum())
         without = f", {missing} of them without an update" if missing else ""
+        without += f", {rejected} of them rejected" if rejected else ""
         likelihood = f"{np.nansum(self.log_likelihood):.6g}"
         return f"<Filtered: {_counted(len(self), 'sample')} of {of}{without}, log-likelihood {likelihood}>"
 
@@ -124,10 +131,14 @@ def kalman(
     *,
     B: ArrayLike | None = None,
     u: ArrayLike | None = None,
-    smooth: bool = False,
+    smooth: bool | int = False,
+    largest_nis: float | None = None,
+    square_root: bool = False,
     check: bool = True,
 ) -> Filtered:
     """The Kalman filter of the linear system x′ = F·x + B·u + w, z = H·x + v.
+
+    Each of F, H, Q, R and B may be an array for each sample, with an axis of N before the others: F, Q and B of sample i lead to i + 1.
 
     Parameters
     ----------
@@ -149,8 +160,12 @@ def kalman(
         The change of the state per input.
     u : array of the shape (N, k), or (N,) for a single input, optional
         Inputs; `u[i]` acts from sample i to i + 1.
-    smooth : bool
-        Whether to give the state given all samples as well.
+    smooth : bool or int
+        Whether to give the state given all samples as well, or given so many later ones.
+    largest_nis : float, optional
+        A sample with a larger normalised innovation squared is rejected: it does not correct the state.
+    square_root : bool
+        Whether the covariance is held as a factor, which keeps it definite where it is all but singular.
     check : bool
         Whether to check covariances and numbers before.
 
@@ -179,7 +194,28 @@ def kalman(
     if check:
         _check_numbers(rows, inputs, states, before, *noise)
         _model_checks.finite(F=motion, H=sensor, B=gain)
-    return _filtered(_kalmems.kalman(rows, motion, sensor, *noise, states, before, gain, inputs, smooth))
+    manner = _manner("square_root_ekf" if square_root else "ekf", _STANDARD, largest_nis, smooth)
+    return _filtered(_kalmems.kalman(rows, motion, sensor, *noise, states, before, gain, inputs, manner))
+
+
+_STANDARD = (1.0, 2.0, 1.0)
+"""The spread α, β, κ of sigma points."""
+_MEASUREMENTS = 16
+"""The most measurements of a sample."""
+_ALL = 2**62
+"""More samples than there are."""
+
+
+def _manner(
+    method: str, points: tuple[float, float, float], largest_nis: float | None, smooth: bool | int
+) -> tuple[str, tuple[float, float, float], float, int]:
+    """What the compiled filter is asked for: method, points, gate, and how many later samples tell of a state."""
+    if largest_nis is not None and not largest_nis > 0:
+        raise ValueError(f"`largest_nis` is {largest_nis}; the NIS of a right filter is m on average, and its limit is above that, such as 25")
+    if not isinstance(smooth, (bool, np.bool_)) and (isinstance(smooth, float) or smooth < 1):
+        raise ValueError(f"`smooth` is {smooth!r}; give `True` for all later samples, or a number of samples such as 20")
+    lag = _ALL if smooth is True or smooth is np.True_ else int(smooth)
+    return method, points, np.inf if largest_nis is None else float(largest_nis), lag
 
 
 def _check_numbers(z: Numbers, u: Numbers | None, x0: Numbers, p0: Numbers, q: Numbers, r: Numbers) -> None:
@@ -189,35 +225,30 @@ def _check_numbers(z: Numbers, u: Numbers | None, x0: Numbers, p0: Numbers, q: N
         _model_checks.covariance(name, matrix)
 
 
-def _filtered(found: dict[str, Numbers]) -> Filtered:
+def _filtered(found: dict[str, Any]) -> Filtered:
     x, covariance = found.pop("smoothed_x", None), found.pop("smoothed_P", None)
     smoothed = None if x is None or covariance is None else Smoothed(x, covariance)
     return Filtered(**found, smoothed=smoothed)
 
 
 class _Nonlinear:
-    _points: tuple[float, float, float] | None = None
-
     def __init__(
         self,
-        f: Function,
-        h: Function,
-        *,
-        Q: ArrayLike,
-        R: ArrayLike,
-        F: Function | None = None,
-        H: Function | None = None,
-        check: bool = True,
+        functions: dict[str, Function | None],
+        noise: tuple[ArrayLike, ArrayLike],
+        manner: tuple[str, tuple[float, float, float], float | None],
+        check: bool,
     ) -> None:
-        self._functions: dict[str, Function | None] = {"f": f, "F": F, "h": h, "H": H}
+        self._functions = functions
         for name, function in self._functions.items():
             if function is not None or name in ("f", "h"):
                 _model_checks.function(name, function)
-        self._q, self._r = Q, R
+        self._q, self._r = noise
+        self._manner = manner
         self._is_to_check, self._is_checked = check, False
 
     def run(
-        self, z: ArrayLike, x0: ArrayLike, P0: ArrayLike, u: ArrayLike | None = None, *, smooth: bool = False
+        self, z: ArrayLike, x0: ArrayLike, P0: ArrayLike, u: ArrayLike | None = None, *, smooth: bool | int = False
     ) -> Filtered:
         """Filters samples.
 
@@ -231,8 +262,8 @@ class _Nonlinear:
             Its covariance; a vector is its diagonal.
         u : array of the shape (N, k), or (N,) for a single input, optional
             Inputs; `u[i]` acts from sample i to i + 1, and `h` sees it at i.
-        smooth : bool
-            Whether to give the state given all samples as well.
+        smooth : bool or int
+            Whether to give the state given all samples as well, or given so many later ones.
 
         Returns
         -------
@@ -249,7 +280,8 @@ class _Nonlinear:
         if self._is_to_check:
             _check_numbers(rows, inputs, states, before, *noise)
             self._check_functions(states, before, m, None if inputs is None or len(inputs) == 0 else inputs[0])
-        return _filtered(_kalmems.nonlinear(rows, functions, *noise, states, before, inputs, self._points, smooth))
+        manner = _manner(*self._manner, smooth)
+        return _filtered(_kalmems.nonlinear(rows, functions, *noise, states, before, inputs, manner))
 
     def _check_functions(self, x0: Numbers, p0: Numbers, m: int, u: Numbers | None) -> None:
         """Refuses functions that give other shapes, and derivatives that differ from difference quotients, at `x0` of the first run."""
@@ -278,9 +310,12 @@ class _Nonlinear:
 
     def __repr__(self) -> str:
         parts = [f"{name}={_named(function)}" for name, function in self._functions.items() if function is not None]
-        if self._points is not None:
-            parts += [f"{name}={value:g}" for name, value in zip(("alpha", "beta", "kappa"), self._points, strict=True)]
+        method, points, largest_nis = self._manner
+        if "ukf" in method:
+            parts += [f"{name}={value:g}" for name, value in zip(("alpha", "beta", "kappa"), points, strict=True)]
         parts += [f"{name}={np.asarray(noise).tolist()}" for name, noise in (("Q", self._q), ("R", self._r))]
+        parts += [f"{word}=True" for word in ("square_root", "iterated") if method.startswith(word)]
+        parts += [] if largest_nis is None else [f"largest_nis={largest_nis:g}"]
         return f"{type(self).__name__}({', '.join(parts)})"
 
 
@@ -303,8 +338,16 @@ class Ekf(_Nonlinear):
         The covariance of the noise v of a sample; a vector is its diagonal.
     F, H : functions, optional
         The derivatives ∂f/∂x of the shape (n, n) and ∂h/∂x of the shape (m, n); central differences if left out.
+    iterated : bool
+        Whether each measurement is linearised again where it leads, until that settles.
+    square_root : bool
+        Whether the covariance is held as a factor, which keeps it definite where it is all but singular.
+    largest_nis : float, optional
+        A sample with a larger normalised innovation squared is rejected: it does not correct the state.
     check : bool
         Whether to check covariances, shapes and derivatives before the first run.
+
+    Q and R may be an array for each sample, with an axis of N before the others.
 
     Notes
     -----
@@ -329,13 +372,32 @@ class Ekf(_Nonlinear):
     [-0.5, -0.1]
     """
 
+    def __init__(
+        self,
+        f: Function,
+        h: Function,
+        *,
+        Q: ArrayLike,
+        R: ArrayLike,
+        F: Function | None = None,
+        H: Function | None = None,
+        iterated: bool = False,
+        square_root: bool = False,
+        largest_nis: float | None = None,
+        check: bool = True,
+    ) -> None:
+        if iterated and square_root:
+            raise ValueError("there is no iterated filter in square-root form; leave `iterated` or `square_root` out")
+        method = "iterated_ekf" if iterated else "square_root_ekf" if square_root else "ekf"
+        super().__init__({"f": f, "F": F, "h": h, "H": H}, (Q, R), (method, _STANDARD, largest_nis), check)
+
 
 class Ukf(_Nonlinear):
     """The unscented Kalman filter of the model x′ = f(x, u) + w, z = h(x, u) + v, without derivatives.
 
     Parameters
     ----------
-    f, h, Q, R, check
+    f, h, Q, R, square_root, largest_nis, check
         As those of `Ekf`.
     alpha, beta, kappa : float
         The spread α, β, κ of the sigma points, without a unit.
@@ -359,12 +421,154 @@ class Ukf(_Nonlinear):
         alpha: float = 1.0,
         beta: float = 2.0,
         kappa: float = 1.0,
+        square_root: bool = False,
+        largest_nis: float | None = None,
         check: bool = True,
     ) -> None:
         if not alpha > 0:
             raise ValueError(f"`alpha` is {alpha:g}; the spread of the sigma points is above 0, such as 1")
-        super().__init__(f, h, Q=Q, R=R, check=check)
-        self._points = (alpha, beta, kappa)
+        method = "square_root_ukf" if square_root else "ukf"
+        functions: dict[str, Function | None] = {"f": f, "F": None, "h": h, "H": None}
+        super().__init__(functions, (Q, R), (method, (alpha, beta, kappa), largest_nis), check)
+
+
+def fit(
+    model: Callable[..., Mapping[str, Any]],
+    start: Mapping[str, float],
+    z: ArrayLike,
+    u: ArrayLike | None = None,
+    *,
+    positive: Collection[str] = (),
+) -> Fit:
+    """Numbers of a model by maximum likelihood, with standard deviations and intervals; needs SciPy (`kalmems[fit]`).
+
+    Parameters
+    ----------
+    model : function
+        Called with the numbers by their names; gives what `kalman` takes besides samples and inputs, such as `{"F": …, "Q": q, …}`, or of a model of
+        functions what `Ekf` takes (`f`, `h`, `Q`, `R` and others) with `x0` and `P0`.
+    start : mapping
+        The numbers that are sought, and where the search begins.
+    z, u : arrays
+        Samples and inputs, as of `kalman`.
+    positive : names
+        Numbers that cannot be 0 or below, such as variances: their logarithms are searched.
+
+    Returns
+    -------
+    Fit
+
+    Examples
+    --------
+    The variances of a level that walks at random and is measured:
+
+    >>> random = np.random.default_rng(1)
+    >>> z = np.cumsum(random.normal(0, 0.1, 2000)) + random.normal(0, 0.5, 2000)
+    >>> found = fit(lambda q, r: dict(F=1, H=1, Q=q, R=r, x0=0, P0=10), {"q": 1, "r": 1}, z, positive=("q", "r"))
+    >>> found.converged, [bool(abs(found.values[name] - true) < 3 * found.sd[name]) for name, true in (("q", 0.01), ("r", 0.25))]
+    (True, [True, True])
+    """
+    names = list(start)
+
+    def likelihood(numbers: Numbers) -> float:
+        each = {name: float(np.exp(x)) if name in positive else float(x) for name, x in zip(names, numbers, strict=True)}
+        try:
+            found = _run(dict(model(**each)), z, u)
+        except ArithmeticError:
+            # A filter that stops, with numbers that nothing can have.
+            return -np.inf
+        return float(np.nansum(found.log_likelihood))
+
+    # Once with the checks, so that a model that cannot be meant is refused with its reason.
+    _run({**dict(model(**start)), "check": True}, z, u)
+    return _fit.maximised(likelihood, start, positive)
+
+
+def _run(parts: dict[str, Any], z: ArrayLike, u: ArrayLike | None) -> Filtered:
+    parts.setdefault("check", False)
+    if "f" not in parts:
+        return kalman(z, u=u, **parts)
+    x0, p0 = parts.pop("x0"), parts.pop("P0")
+    return Ekf(**parts).run(z, x0, p0, u)
+
+
+def em(
+    z: ArrayLike,
+    F: ArrayLike,
+    H: ArrayLike,
+    Q: ArrayLike,
+    R: ArrayLike,
+    x0: ArrayLike,
+    P0: ArrayLike,
+    *,
+    B: ArrayLike | None = None,
+    u: ArrayLike | None = None,
+    learn: Collection[str] = ("Q", "R"),
+    diagonal: bool = False,
+    tolerance: float = 1e-6,
+    iterations: int = 1000,
+) -> Learned:
+    """Q, R and x0 of a linear system by expectation maximisation (Shumway and Stoffer 1982), from the given ones on.
+
+    Each iteration smooths the samples and takes the covariances that the smoothed state gives the noises. It needs no derivatives and never leads
+    downhill, and takes many iterations where a noise is small; `fit` gives standard deviations as well.
+
+    Parameters
+    ----------
+    z, F, H, Q, R, x0, P0, B, u
+        As of `kalman`, none of them for each sample.
+    learn : names
+        Which of `"Q"`, `"R"` and `"x0"` are learned.
+    diagonal : bool
+        Whether the covariances that are learned stay diagonal.
+    tolerance : float
+        The search has converged once an iteration adds less to ln p(z).
+    iterations : int
+        The most iterations.
+
+    Returns
+    -------
+    Learned
+
+    Examples
+    --------
+    >>> random = np.random.default_rng(1)
+    >>> z = np.cumsum(random.normal(0, 0.1, 2000)) + random.normal(0, 0.5, 2000)
+    >>> found = em(z, F=1, H=1, Q=1, R=1, x0=0, P0=10)
+    >>> found.converged, found.Q.round(3).item(), found.R.round(2).item()
+    (True, 0.009, 0.26)
+    """
+    others = set(learn) - {"Q", "R", "x0"}
+    if others or not learn:
+        raise ValueError(f"`learn` has {', '.join(sorted(others)) or 'nothing'}; expected some of Q, R, x0")
+    rows, state = _samples(z), _vector("x0", x0)
+    n, m = state.size, rows.shape[1]
+    motion, sensor, before = _matrix("F", F, n, n), _matrix("H", H, m, n), _matrix("P0", P0, n, n)
+    noise, of_samples = _matrix("Q", Q, n, n), _matrix("R", R, m, m)
+    each = {"F": motion, "H": sensor, "Q": noise, "R": of_samples}
+    if any(matrix.ndim > 2 for matrix in each.values()):
+        raise ValueError("a matrix for each sample cannot be learned; give one for all")
+    inputs = None if u is None else _rows("u", u)
+    driven = None if inputs is None or B is None else inputs @ _matrix("B", B, n, inputs.shape[1]).T
+    likelihoods: list[float] = []
+    converged, check = False, True
+    while True:
+        found = kalman(rows, motion, sensor, noise, of_samples, state, before, B=B, u=u, smooth=True, check=check)
+        check = False
+        likelihoods.append(float(np.nansum(found.log_likelihood)))
+        converged = len(likelihoods) > 1 and likelihoods[-1] - likelihoods[-2] < tolerance
+        if converged or len(likelihoods) > iterations or len(rows) < 2:
+            break
+        x, p, crossed = _fit.moments(found, motion, noise)
+        if "Q" in learn:
+            noise = _fit.step_covariance(x, p, crossed, motion, driven)
+        if "R" in learn:
+            of_samples = _fit.sample_covariance(rows, x, p, sensor, of_samples)
+        if "x0" in learn:
+            state = np.ascontiguousarray(x[0])
+        if diagonal:
+            noise, of_samples = np.diag(np.diag(noise)), np.diag(np.diag(of_samples))
+    return Learned(motion, sensor, noise, of_samples, state, np.array(likelihoods), converged)
 
 
 def _is_compiled(function: Function) -> bool:
@@ -388,7 +592,7 @@ def _handed_over(name: str, function: Function) -> tuple[int | None, Function | 
 
 def _samples(values: ArrayLike) -> Numbers:
     rows = _rows("z", values)
-    if rows.shape[0] <= 2 < rows.shape[1]:
+    if rows.shape[0] < rows.shape[1] and (rows.shape[1] > _MEASUREMENTS or rows.shape[0] == 1):
         raise ValueError(f"`z` has the shape {rows.shape}; a row is a sample and a column a measurement: give `z.T`")
     return rows
 

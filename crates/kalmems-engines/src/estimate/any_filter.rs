@@ -4,6 +4,7 @@ use super::answers::{AnswerRun, FilterRunStart};
 use super::engine::Filtering;
 use super::gate::SampleGate;
 use super::linked::LinkedFilter;
+use super::over_rows::{RowFilter, SizedRowFilter};
 use super::transition::{Sensor, SensorMeasurement, Transition, TransitionProcess};
 use super::{ConstantGain, GainOf, ModelAlone, ParameterCorrelation, StateName};
 use crate::config::Method;
@@ -401,6 +402,14 @@ macro_rules! for_each_size {
                     $(Self::$large(filter) => {
                         Box::new(LinkedFilter::<$many>::new(filter, watch).watching_steps(false))
                     })*
+                }
+            }
+
+            /// Over rows of numbers, with so many of its steps kept for a smoother.
+            pub fn over_rows(self, kept: usize) -> Box<dyn RowFilter> {
+                match self {
+                    $(Self::$variant(filter) => Box::new(SizedRowFilter::<$states>::new(filter, kept)),)*
+                    $(Self::$large(filter) => Box::new(SizedRowFilter::<$many>::new(filter, kept)),)*
                 }
             }
 
