@@ -12,6 +12,10 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+/* That of this header; `kalmems_version` says that of the library. */
+#define KALMEMS_VERSION_MAJOR 0
+#define KALMEMS_VERSION_MINOR 1
+#define KALMEMS_VERSION_PATCH 0
 
 // What kind of error it is.
 typedef enum KalmemsErrorKind {
@@ -41,11 +45,15 @@ typedef struct KalmemsExperiment KalmemsExperiment;
 // Columns of one length, to be given to an experiment.
 typedef struct KalmemsRecording KalmemsRecording;
 
-// A function of the caller that hears what is done, how much of it and of how much, with what the caller gave for it; `false` stops the work.
+// A function of the caller that hears what is done, how much of it and of how much, with what the caller gave for it; `false` stops the work. It is
+// called by the thread that estimates or by one that reads a file, once at a time; it must return, and not call the library with objects of this
+// estimate.
 typedef bool (*KalmemsProgress)(const char *what, uint64_t done, uint64_t total, void *user);
 
 // A column of a trajectory; its texts and numbers are the estimate's.
 typedef struct KalmemsColumn {
+  // `sizeof(KalmemsColumn)`, set by the caller: no later version of the library writes more.
+  size_t struct_size;
   // What it is: `time`, the name of a state, that with `_sd`, `measured`, `innovation`, `innovation_sd`, `nis`, `log_likelihood`.
   const char *name;
   // The unit of its numbers, in SI.
@@ -65,7 +73,8 @@ const char *kalmems_version(void);
 
 // The command `kalmems` with these arguments, of which the first is the name of the program; its exit code. It prints to standard output and standard
 // error of the process, sets no handler of signals, and returns 2 for a null pointer and 70 for a defect of the library. One command at a time.
-int kalmems_run(int argument_count, const char *const *arguments);
+int kalmems_run(int argument_count,
+                const char *const *arguments);
 
 // What kind of error it is.
 enum KalmemsErrorKind kalmems_error_kind(const struct KalmemsError *error);
@@ -123,7 +132,8 @@ bool kalmems_trajectory_passes(const struct KalmemsEstimate *estimate, size_t tr
 
 // How far it can be trusted: `passes`, `passes_with_remarks`, `doubtful`, `failed`, `no_estimate`, or `no_claim` of what makes none. The text is the
 // estimate's.
-const char *kalmems_trajectory_grade(const struct KalmemsEstimate *estimate, size_t trajectory);
+const char *kalmems_trajectory_grade(const struct KalmemsEstimate *estimate,
+                                     size_t trajectory);
 
 // How many columns a trajectory has.
 size_t kalmems_column_count(const struct KalmemsEstimate *estimate, size_t trajectory);

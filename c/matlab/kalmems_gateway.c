@@ -145,7 +145,7 @@ static mxArray *trajectories(void) {
         mxArray *names = mxCreateCellMatrix(1, width), *units = mxCreateCellMatrix(1, width), *columns = mxCreateCellMatrix(1, width);
         for (size_t i = 0; i < width; i++) {
             KalmemsError *error = NULL;
-            KalmemsColumn column;
+            KalmemsColumn column = {.struct_size = sizeof column};
             if (!kalmems_column(estimate, k, i, &column, &error)) fail(error);
             mxArray *numbers = mxCreateDoubleMatrix(column.count, 1, mxREAL);
             if (column.count) memcpy(mxGetPr(numbers), column.numbers, column.count * sizeof(double));

@@ -44,6 +44,8 @@ struct Named {
 /// A column of a trajectory; its texts and numbers are the estimate's.
 #[repr(C)]
 pub struct KalmemsColumn {
+    /// `sizeof(KalmemsColumn)`, set by the caller: no later version of the library writes more.
+    pub struct_size: usize,
     /// What it is: `time`, the name of a state, that with `_sd`, `measured`, `innovation`, `innovation_sd`, `nis`, `log_likelihood`.
     pub name: *const c_char,
     /// The unit of its numbers, in SI.
@@ -321,16 +323,25 @@ pub unsafe extern "C" fn kalmems_column(
     error: *mut *mut KalmemsError,
 ) -> bool {
     let found = guarded(|| {
-        // SAFETY: as the crate says of all functions.
-        let (estimate, place) = unsafe { (estimate.as_ref(), column.as_mut()) };
+        // SAFETY: as the crate says of all functions; the first number of a column of any version is its size.
+        let (estimate, size) = unsafe { (estimate.as_ref(), column.cast::<usize>().as_ref()) };
         let estimate = estimate.ok_or_else(|| Failure::null("the estimate"))?;
-        let place = place.ok_or_else(|| Failure::null("the place for the column"))?;
+        let size = *size.ok_or_else(|| Failure::null("the place for the column"))?;
+        if size < size_of::<KalmemsColumn>() {
+            return Err(Failure::argument(&format!(
+                "`struct_size` of the column is {size}; set it to sizeof(KalmemsColumn), {} or more",
+                size_of::<KalmemsColumn>()
+            )));
+        }
+        // SAFETY: not null, and as large as that.
+        let place = unsafe { &mut *column };
         let none = || Failure::argument(&format!("trajectory {trajectory} has no column {index}"));
         let named = estimate.trajectories.get(trajectory).ok_or_else(none)?;
         let (name, unit) = named.columns.get(index).zip(named.units.get(index)).ok_or_else(none)?;
         let all = estimate.trajectory(trajectory).map(columns).unwrap_or_default();
         let (_, _, numbers) = all.get(index).ok_or_else(none)?;
         *place = KalmemsColumn {
+            struct_size: place.struct_size,
             name: name.as_ptr(),
             unit: unit.as_ptr(),
             numbers: numbers.as_ptr(),

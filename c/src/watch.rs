@@ -5,7 +5,9 @@ use std::ffi::{CString, c_char, c_void};
 use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
 
-/// A function of the caller that hears what is done, how much of it and of how much, with what the caller gave for it; `false` stops the work.
+/// A function of the caller that hears what is done, how much of it and of how much, with what the caller gave for it; `false` stops the work. It is
+/// called by the thread that estimates or by one that reads a file, once at a time; it must return, and not call the library with objects of this
+/// estimate.
 pub type KalmemsProgress =
     Option<unsafe extern "C" fn(what: *const c_char, done: u64, total: u64, user: *mut c_void) -> bool>;
 

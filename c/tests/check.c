@@ -58,7 +58,9 @@ static void count_signal(int number) {
 int main(int argc, char **argv) {
     REQUIRE(argc == 3);
     KalmemsError *error = NULL;
-    REQUIRE(strlen(kalmems_version()) > 4);
+    char version_of_header[32];
+    snprintf(version_of_header, sizeof version_of_header, "%d.%d.%d", KALMEMS_VERSION_MAJOR, KALMEMS_VERSION_MINOR, KALMEMS_VERSION_PATCH);
+    REQUIRE(!strcmp(kalmems_version(), version_of_header));
 
     /* Files. */
     KalmemsExperiment *experiment = kalmems_experiment_open(argv[1], &error);
@@ -83,13 +85,16 @@ int main(int argc, char **argv) {
         REQUIRE(strcmp(kalmems_trajectory_grade(of_files, k), "no_claim") || !kalmems_trajectory_passes(of_files, k));
         claimless += !strcmp(kalmems_trajectory_grade(of_files, k), "no_claim");
         for (size_t i = 0; i < kalmems_column_count(of_files, k); i++) {
-            KalmemsColumn a, b;
+            KalmemsColumn a = {.struct_size = sizeof a}, b = {.struct_size = sizeof b};
             REQUIRE(kalmems_column(of_files, k, i, &a, &error) && kalmems_column(of_arrays, k, i, &b, &error));
             REQUIRE(!strcmp(a.name, b.name) && !strcmp(a.unit, b.unit) && a.count == b.count);
             REQUIRE(a.count == 0 || !memcmp(a.numbers, b.numbers, a.count * sizeof(double)));
             if (!strcmp(a.name, "angle")) compared += a.count;
         }
-        KalmemsColumn none;
+        KalmemsColumn none = {.struct_size = sizeof none}, unset = {.struct_size = 0};
+        REQUIRE(!kalmems_column(of_files, k, 0, &unset, &error) && strstr(kalmems_error_message(error), "struct_size"));
+        kalmems_error_free(error);
+        error = NULL;
         REQUIRE(!kalmems_column(of_files, k, 1000, &none, &error) && kalmems_error_kind(error) == KALMEMS_ERROR_KIND_ARGUMENT);
         kalmems_error_free(error);
         error = NULL;
