@@ -183,7 +183,7 @@ impl<const N: usize> Filtering for LinkedFilter<N> {
 
     fn take_step_error(&mut self, nis: f64) {
         if let Some(steps) = &mut self.steps {
-            steps.take(&self.filter.known().covariance, nis);
+            steps.take(&self.filter.known(), nis);
         }
     }
 

@@ -3,7 +3,7 @@
 use super::engine::{Course, Filtering};
 use super::transition::{KeptSensor, Transition, TransitionProcess};
 use super::{SampleCounts, SampleSelection};
-use kalmems_core::{Covariance, Mat, NumericProcess};
+use kalmems_core::{Gaussian, Mat, NumericProcess};
 use std::iter::successors;
 use std::ops::Range;
 
@@ -58,6 +58,9 @@ impl StepFigure {
 /// all phases of a motion.
 const QUIET: f64 = 0.01;
 const STANDS_FOR: u32 = 7;
+
+/// The part of a value that its arithmetic leaves open after as many steps as a decay may take: ε to the power of 3/4, as smoothers have it.
+const ARITHMETIC: f64 = 1.82e-12;
 
 /// What a step of fourth order is off by, of what it differs from two of half the length by.
 const OF_FOURTH_ORDER: f64 = 16.0 / 15.0;
@@ -147,9 +150,9 @@ impl<const N: usize> StepWatch<N> {
         }
     }
 
-    /// Takes a sample into the figure, with the covariance that the filter claims of it and the NIS of its innovation, not a number where
-    /// there was none.
-    pub(super) fn take(&mut self, covariance: &Covariance<f64, N>, nis: f64) {
+    /// Takes a sample into the figure, with what the filter claims of the state and the NIS of its innovation, not a number where there was none. No
+    /// state counts as better known than its arithmetic: where nothing is random a claim decays without end, and the error of a step does not.
+    pub(super) fn take(&mut self, known: &Gaussian<f64, N>, nis: f64) {
         if !self.is_needed {
             return;
         }
@@ -157,9 +160,10 @@ impl<const N: usize> StepWatch<N> {
             self.nis = (self.nis.0 + nis, self.nis.1 + 1.0);
         }
         for i in 0..N {
-            let (variance, present) = (covariance.get(i, i), self.difference[i]);
+            let (variance, present) = (known.covariance.get(i, i), self.difference[i]);
             // What is known exactly has no error to compare with.
             if variance > 0.0 {
+                let variance = variance.max((ARITHMETIC * known.mean[i]).powi(2));
                 let all = present + self.of_longer_steps[i];
                 self.squares[i] += all * all / variance;
                 self.squares_of_present[i] += present * present / variance;
@@ -380,6 +384,7 @@ fn error_over(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kalmems_core::Covariance;
 
     /// A state that stays as it is, and of which each step makes an error.
     struct Drifting(f64);
@@ -409,7 +414,7 @@ mod tests {
     #[test]
     fn an_error_that_a_state_keeps_asks_for_shorter_steps_once() {
         let (mut watch, mut steps) = (StepWatch::<1>::new(false), 1);
-        let known = Covariance::from_variances([1.0]);
+        let known = Gaussian { mean: [0.0], covariance: Covariance::from_variances([1.0]) };
         let mut errors = Vec::new();
         for _ in 0..20 {
             for _ in 0..STEP_ERROR_SAMPLES {
@@ -429,5 +434,16 @@ mod tests {
         // Until the first 0.03 is passed each sample adds 2.2e-5 · 16/15, and from there on a sixteenth of it.
         let last = errors.last().unwrap();
         assert!((0.03..0.05).contains(last), "{errors:?}");
+    }
+
+    /// Where nothing is random the claim of a state decays below what its arithmetic leaves open, and an error of that size is none.
+    #[test]
+    fn no_state_counts_as_better_known_than_its_arithmetic() {
+        let mut watch = StepWatch::<1>::new(false);
+        let known = Gaussian { mean: [50.0], covariance: Covariance::from_variances([1e-90]) };
+        watch.step(&Drifting(1e-13), (&[50.0], &[50.0]), &Mat([[1.0]]));
+        watch.take(&known, 1.0);
+        let error = watch.error().unwrap().error;
+        assert!((error / (OF_FOURTH_ORDER * 1e-13 / 50.0 / ARITHMETIC) - 1.0).abs() < 1e-9, "{error}");
     }
 }

@@ -144,7 +144,8 @@ fn judged_unknown<const N: usize, const M: usize>(
 fn slow_right_filters_that_find_their_resonance_hold_at_every_sampling_rate() {
     let [comb, fork] = [["k", "4.7374", "N/m"], ["k", "27966.9", "N/m"]];
     let [gyroscope, rest] = [["k", "39.44", "N/m"], ["w", "3924.477", "1/s"]];
-    let [spring, plate] = [["k", "1.1e-4", "N m/rad"], ["w", "10772.521208637304", "rad/s"]];
+    let plate = (TAU * 1714.5).to_string();
+    let [spring, plate] = [["k", "1.1e-4", "N m/rad"], ["w", &plate, "rad/s"]];
     hold_at_every_rate(6, |per_cycle, seed| {
         let run = |cycles: f64| (whole(cycles * per_cycle), seed);
         let stage = Device { rate_hz: 1714.5 * per_cycle, substeps: whole(800.0 / per_cycle), ..stage() };
