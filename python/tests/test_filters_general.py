@@ -137,9 +137,8 @@ def test_a_lag_is_the_smoother_of_the_samples_until_then() -> None:
         whole = filters.kalman(z[: k + lag + 1], **parts, smooth=True).smoothed
         assert whole is not None
         assert np.allclose(found.x[k], whole.x[k], atol=1e-12) and np.allclose(found.P[k], whole.P[k], atol=1e-12)
+    assert filters.kalman(z, **parts, smooth=False).smoothed is None
     for wrong in (0, -3, 2.5):
-        if wrong == 0:
-            assert filters.kalman(z, **parts, smooth=False).smoothed is None
         with pytest.raises(ValueError, match="`smooth` is"):
             filters.kalman(z, **parts, smooth=wrong)  # type: ignore[arg-type]
 
@@ -197,3 +196,19 @@ def test_more_states_than_a_method_has_are_refused() -> None:
         filters.Ukf(lambda x: x, lambda x: x[:1], Q=np.eye(13), R=1).run(z, np.zeros(13), np.eye(13))
     with pytest.raises(ValueError, match="no iterated filter in square-root form"):
         filters.Ekf(seen, seen, Q=1, R=1, iterated=True, square_root=True)
+
+
+def test_claims_hold_where_the_model_is_true_and_not_where_it_is_wrong() -> None:
+    parts = system(3, 2)
+    right = filters.consistency(parts, 100, runs=200, seed=4)
+    assert right.holds and len(right.coverage) == 3
+    assert all(low < 1 < high for _, (low, high) in (right.nis, right.nees)), right
+    wrong = filters.consistency(parts, 100, runs=50, truth={"R": 4 * parts["R"]})
+    assert not wrong.holds and wrong.nees[0] > 1.3 and wrong.nis[0] > 1.3
+    careful = filters.consistency({**parts, "R": 4 * parts["R"]}, 100, runs=50, truth={"R": parts["R"]})
+    assert careful.holds and careful.nees[0] < 0.9
+    functions = {"f": lambda x: x, "h": seen, "Q": [1e-6, 1e-6], "R": [1e-2, 4e-4], "x0": [3, 2], "P0": [1e-2, 1e-2]}
+    for kind in (filters.Ekf, filters.Ukf):
+        assert filters.consistency({**functions, "filter": kind}, 30, runs=50).holds
+    with pytest.raises(ValueError, match="`runs` is 1"):
+        filters.consistency(parts, 100, runs=1)

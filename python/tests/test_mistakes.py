@@ -152,7 +152,7 @@ MISTAKES: list[tuple[str, Callable[[Bench], object], type[Exception], str]] = [
     ("standard deviations of opposite signs", lambda _: kalman(Q=[1, -1]), ValueError, "variances are on its diagonal and not negative"),
     ("inputs without their matrix", lambda _: kalman(u=np.zeros(5)), ValueError, "give both or none"),
     ("inputs of other samples", lambda _: kalman(B=[[0], [1]], u=np.zeros(4)), ValueError, "`u` has the shape [4, 1]; expected [5, 1]"),
-    ("more states than are compiled", lambda _: kalman(F=np.eye(7), H=np.ones((1, 7)), Q=np.eye(7), x0=np.zeros(7), P0=np.eye(7)), ValueError, "1 to 6 states"),
+    ("more states than a filter has", lambda _: kalman(F=np.eye(25), H=np.ones((1, 25)), Q=np.eye(25), x0=np.zeros(25), P0=np.eye(25)), ValueError, "1 to 24 states"),
     ("a matrix as a function", lambda _: ekf(f=EYE), TypeError, "such as `lambda x: matrix @ x`, or use `kalman`"),
     ("a function that gives nothing", lambda _: ekf(f=lambda x: None), ValueError, "`f` gives an array of the shape (); expected (2,)"),
     ("a function that gives texts", lambda _: ekf(f=lambda x: ["a", "b"]), ValueError, "what `f` gives cannot be read as numbers"),

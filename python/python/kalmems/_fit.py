@@ -114,14 +114,18 @@ def gradient(likelihood: Likelihood, at: Numbers, steps: Numbers) -> Numbers:
     return found
 
 
-def maximised(likelihood: Likelihood, start: Mapping[str, float], positive: Collection[str]) -> Fit:
-    """The numbers at which the likelihood is largest, from these on."""
+def check_start(start: Mapping[str, float], positive: Collection[str]) -> None:
+    """Refuses numbers with which no search can begin."""
     unknown = set(positive) - set(start)
     if unknown:
         raise ValueError(f"`positive` names {', '.join(sorted(unknown))}; `start` has {', '.join(start)}")
     for name, value in start.items():
         if not np.isfinite(value) or (name in positive and not value > 0):
             raise ValueError(f"`start` has {name} = {value}; expected a finite number{' above 0' if name in positive else ''}")
+
+
+def maximised(likelihood: Likelihood, start: Mapping[str, float], positive: Collection[str]) -> Fit:
+    """The numbers at which the likelihood is largest, from these on."""
     optimize = needed("scipy.optimize", "fit")
     first = _searched(start, positive)
     if not np.isfinite(likelihood(first)):

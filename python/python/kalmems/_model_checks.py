@@ -61,10 +61,10 @@ def covariance(name: str, matrix: Numbers) -> None:
         smallest = np.linalg.eigvalsh(each)[:, 0]
         wrong = smallest < -SYMMETRY * largest * n
         if wrong.any():
-            k = int(wrong.argmax())
-            which = "" if matrix.ndim == 2 else f" at sample {start + k}"
+            first = int(wrong.argmax())
+            which = "" if matrix.ndim == 2 else f" at sample {start + first}"
             mend = "variances are on its diagonal and not negative"
-            raise ValueError(f"`{name}` is no covariance{which}: its smallest eigenvalue is {smallest[k]:.3g}; {mend}")
+            raise ValueError(f"`{name}` is no covariance{which}: its smallest eigenvalue is {smallest[first]:.3g}; {mend}")
 
 
 def arguments(name: str, function: Callable[..., Any], has_inputs: bool) -> None:

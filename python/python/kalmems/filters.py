@@ -1,7 +1,7 @@
 """Kalman filters over arrays, for linear systems and for models of one's own.
 
-`kalman` is the filter of a linear system, `Ekf` and `Ukf` are those of functions, and `fit` and `em` learn what a linear system does not know of
-itself. Shapes are written with n states, m measurements, k inputs and N samples. Units are the caller's own: a covariance has the square of the unit
+`kalman` is the filter of a linear system, `Ekf` and `Ukf` are those of functions. `fit` and `em` learn numbers that are not known, and `consistency`
+simulates whether claims hold. Shapes are written with n states, m measurements, k inputs and N samples. Units are the caller's own: a covariance has the square of the unit
 of what it is of, and `F` is per step, from a sample to the next.
 
 What is known before, `x0` and `P0`, is of the first sample before it is taken: that is updated with first, and each further sample is predicted
@@ -24,10 +24,11 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _fit, _kalmems, _model_checks
+from . import _consistency, _fit, _kalmems, _model_checks
+from ._consistency import Consistency
 from ._fit import Fit, Learned
 
-__all__ = ["Ekf", "Filtered", "Fit", "Learned", "Smoothed", "Ukf", "em", "fit", "kalman"]
+__all__ = ["Consistency", "Ekf", "Filtered", "Fit", "Learned", "Smoothed", "Ukf", "consistency", "em", "fit", "kalman"]
 
 _SIGNATURE = "void(CPointer(float64), CPointer(float64), CPointer(float64))"
 
@@ -212,9 +213,9 @@ def _manner(
     """What the compiled filter is asked for: method, points, gate, and how many later samples tell of a state."""
     if largest_nis is not None and not largest_nis > 0:
         raise ValueError(f"`largest_nis` is {largest_nis}; the NIS of a right filter is m on average, and its limit is above that, such as 25")
-    if not isinstance(smooth, (bool, np.bool_)) and (isinstance(smooth, float) or smooth < 1):
+    if not isinstance(smooth, bool) and (not isinstance(smooth, int) or smooth < 1):
         raise ValueError(f"`smooth` is {smooth!r}; give `True` for all later samples, or a number of samples such as 20")
-    lag = _ALL if smooth is True or smooth is np.True_ else int(smooth)
+    lag = _ALL if smooth is True else int(smooth)
     return method, points, np.inf if largest_nis is None else float(largest_nis), lag
 
 
@@ -468,6 +469,7 @@ def fit(
     >>> found.converged, [bool(abs(found.values[name] - true) < 3 * found.sd[name]) for name, true in (("q", 0.01), ("r", 0.25))]
     (True, [True, True])
     """
+    _fit.check_start(start, positive)
     names = list(start)
 
     def likelihood(numbers: Numbers) -> float:
@@ -488,8 +490,90 @@ def _run(parts: dict[str, Any], z: ArrayLike, u: ArrayLike | None) -> Filtered:
     parts.setdefault("check", False)
     if "f" not in parts:
         return kalman(z, u=u, **parts)
-    x0, p0 = parts.pop("x0"), parts.pop("P0")
-    return Ekf(**parts).run(z, x0, p0, u)
+    x0, p0, kind = parts.pop("x0"), parts.pop("P0"), parts.pop("filter", Ekf)
+    found: Filtered = kind(**parts).run(z, x0, p0, u)
+    return found
+
+
+def consistency(
+    model: Mapping[str, Any],
+    samples: int,
+    runs: int = 100,
+    *,
+    u: ArrayLike | None = None,
+    truth: Mapping[str, Any] | None = None,
+    seed: int = 0,
+) -> Consistency:
+    """Whether the claims of a filter hold on samples that are simulated from its model, or from another one that is true.
+
+    Parameters
+    ----------
+    model : mapping
+        What `kalman` takes besides samples and inputs, such as `{"F": …, "Q": …, …}`, or of a model of functions what `Ekf` takes (`f`, `h`, `Q`, `R`
+        and others) with `x0` and `P0`. `"filter": Ukf` chooses another filter of functions.
+    samples, runs : int
+        Samples of a run, and runs.
+    u : array of the shape (samples, k), optional
+        Inputs.
+    truth : mapping, optional
+        The parts that are different in truth, such as `{"R": …}`.
+    seed : int
+        Of the random numbers.
+
+    Returns
+    -------
+    Consistency
+
+    Examples
+    --------
+    A filter that is told a tenth of the noise of its samples:
+
+    >>> walk = {"F": 1, "H": 1, "Q": 0.01, "R": 1, "x0": 0, "P0": 1}
+    >>> consistency(walk, 200).holds, consistency({**walk, "R": 0.1}, 200, truth={"R": 1}).holds
+    (True, False)
+    """
+    if runs < 2 or samples < 1:
+        raise ValueError(f"`runs` is {runs} and `samples` {samples}; expected 2 runs or more of 1 sample or more")
+    real = {**model, **(truth or {})}
+    start = _vector("x0", real["x0"])
+    inputs = None if u is None else _rows("u", u)
+    n = start.size
+    if "f" in real:
+        given = {name: real[name] for name in ("f", "h")}
+        move, see = (_of_functions(name, function, inputs) for name, function in given.items())
+        m = np.atleast_1d(np.asarray(see(start, 0))).size
+    else:
+        motion, sensor = _matrix("F", real["F"], n, n), np.asarray(real["H"], dtype=np.float64)
+        m = sensor.shape[-2] if sensor.ndim > 1 else sensor.size // n
+        sensor = _matrix("H", real["H"], m, n)
+        gain = None if inputs is None or "B" not in real else _matrix("B", real["B"], n, inputs.shape[1])
+        move, see = _of_matrices(motion, gain, inputs), _of_matrices(sensor, None, None)
+    parts = {"x0": start, "P0": _matrix("P0", real["P0"], n, n), "Q": _matrix("Q", real["Q"], n, n), "R": _matrix("R", real["R"], m, m)}
+    random, found = np.random.default_rng(seed), []
+    for _ in range(runs):
+        states, z = _consistency.simulated(random, parts, samples, move, see)
+        found.append(_consistency.scored(_run(dict(model), z, u), states))
+    return _consistency.of_runs(found)
+
+
+def _of_matrices(matrix: Numbers, gain: Numbers | None, inputs: Numbers | None) -> Callable[[Numbers, int], Numbers]:
+    def value(x: Numbers, sample: int) -> Numbers:
+        at, by = (None if each is None else each[sample] if each.ndim == 3 else each for each in (matrix, gain))
+        assert at is not None
+        return np.asarray(at @ x + (0.0 if by is None or inputs is None else by @ inputs[sample]))
+
+    return value
+
+
+def _of_functions(name: str, function: Function, inputs: Numbers | None) -> Callable[[Numbers, int], Numbers]:
+    if _is_compiled(function):
+        raise ValueError(f"`{name}` is compiled; give a function of Python that is the same for the simulation")
+
+    def value(x: Numbers, sample: int) -> Numbers:
+        given = function(x) if inputs is None else function(x, inputs[sample])
+        return np.atleast_1d(_model_checks.numbers(f"what `{name}` gives", given))
+
+    return value
 
 
 def em(
@@ -536,7 +620,7 @@ def em(
     >>> z = np.cumsum(random.normal(0, 0.1, 2000)) + random.normal(0, 0.5, 2000)
     >>> found = em(z, F=1, H=1, Q=1, R=1, x0=0, P0=10)
     >>> found.converged, found.Q.round(3).item(), found.R.round(2).item()
-    (True, 0.009, 0.26)
+    (True, 0.009, 0.25)
     """
     others = set(learn) - {"Q", "R", "x0"}
     if others or not learn:
@@ -592,7 +676,7 @@ def _handed_over(name: str, function: Function) -> tuple[int | None, Function | 
 
 def _samples(values: ArrayLike) -> Numbers:
     rows = _rows("z", values)
-    if rows.shape[0] < rows.shape[1] and (rows.shape[1] > _MEASUREMENTS or rows.shape[0] == 1):
+    if rows.shape[0] < rows.shape[1] and rows.shape[1] > _MEASUREMENTS:
         raise ValueError(f"`z` has the shape {rows.shape}; a row is a sample and a column a measurement: give `z.T`")
     return rows
 
