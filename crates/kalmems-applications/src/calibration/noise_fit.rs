@@ -38,7 +38,7 @@ const ROUNDS: usize = 3;
 const HALVINGS: usize = 34;
 /// How far from the likeliest value the end of an interval is looked for, as a factor of the variance.
 const FARTHEST: f64 = 1e4;
-/// What the noise of a rate at rest is made of, as far as its Allan variances tell it.
+/// What the noise of a rate at rest is made of, by its Allan variances.
 ///
 /// The likeliest parts, none below 0, for variances that each have the distribution of χ² with the degrees of freedom of the mixture. All noise
 /// may have passed a low pass of first order before it was sampled: at averaging times of many time constants any low pass takes the same from
@@ -58,7 +58,7 @@ pub struct NoiseFit {
     /// The quantisation Q of the angle in rad, with the same.
     #[serde(skip)]
     pub quantisation: (f64, [f64; 2]),
-    /// The time constant in s of the low pass before the sampling; 0 where none is seen.
+    /// The time constant in s of the low pass before the sampling; 0 if the fit has none.
     pub time_constant_s: f64,
     /// The averaging time in s from which the fit holds.
     pub from_s: f64,
@@ -142,7 +142,7 @@ pub(super) struct OctaveFit {
 }
 
 impl OctaveFit {
-    /// Of the deviations of differences that these sums have: from the first averaging time on from which it holds.
+    /// The fit to the deviations of these sums, from the first averaging time on from which it holds.
     pub fn of(
         difference: PhaseDifference,
         deviations: &[Confident],

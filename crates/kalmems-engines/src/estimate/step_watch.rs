@@ -436,7 +436,7 @@ mod tests {
         assert!((0.03..0.05).contains(last), "{errors:?}");
     }
 
-    /// Where nothing is random the claim of a state decays below what its arithmetic leaves open, and an error of that size is none.
+    /// Without process noise a claim decays below the rounding of its state, and an error of that size is none.
     #[test]
     fn no_state_counts_as_better_known_than_its_arithmetic() {
         let mut watch = StepWatch::<1>::new(false);
