@@ -440,10 +440,11 @@ mod tests {
     #[test]
     fn no_state_counts_as_better_known_than_its_arithmetic() {
         let mut watch = StepWatch::<1>::new(false);
-        let known = Gaussian { mean: [50.0], covariance: Covariance::from_variances([1e-90]) };
-        watch.step(&Drifting(1e-13), (&[50.0], &[50.0]), &Mat([[1.0]]));
+        let known = Gaussian { mean: [64.0], covariance: Covariance::from_variances([1e-90]) };
+        let off = 2.0_f64.powi(-43);
+        watch.step(&Drifting(off), (&[64.0], &[64.0]), &Mat([[1.0]]));
         watch.take(&known, 1.0);
         let error = watch.error().unwrap().error;
-        assert!((error / (OF_FOURTH_ORDER * 1e-13 / 50.0 / ARITHMETIC) - 1.0).abs() < 1e-9, "{error}");
+        assert!((error / (OF_FOURTH_ORDER * off / 64.0 / ARITHMETIC) - 1.0).abs() < 1e-12, "{error}");
     }
 }
