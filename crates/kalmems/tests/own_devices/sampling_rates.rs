@@ -12,11 +12,14 @@ use kalmems::simulate::WhiteNoise;
 use kalmems::workflow;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::fmt::Arguments;
 
 /// What a right filter is told by its verdict in one run.
 struct Judged {
     grade: Grade,
     step_error: f64,
+    /// Whether the error of its steps is said.
+    is_said: bool,
     mean_squares: Vec<f64>,
 }
 
@@ -50,11 +53,22 @@ fn judged_with<const N: usize, const M: usize>(
     if grade > Grade::PassesWithRemarks {
         println!("{:?}", notices(&metrics));
     }
+    let is_said = notices(&metrics).iter().any(|notice| notice.topic == "step");
     let of_states = one.values.iter().filter(|(name, _)| !without.contains(*name));
     Judged {
         grade,
         step_error: one.step_errors.map_or(0.0, |errors| errors.error),
+        is_said,
         mean_squares: of_states.filter_map(|(_, value)| Some(value.claim?.mean_square)).collect(),
+    }
+}
+
+/// An error of the steps above a twentieth of the claim is said; above a fifth the answer would be doubtful.
+fn assert_small(one: &Judged, of: Arguments) {
+    let is_small = one.step_error < 0.05 || (one.is_said && one.step_error < 0.2);
+    assert!(is_small, "{of}: {}", one.step_error);
+    if one.step_error >= 0.05 {
+        println!("{of}: an error of the steps of {:.3} of the claim is said", one.step_error);
     }
 }
 
@@ -67,7 +81,7 @@ fn hold_at_every_rate(seeds: u64, of: impl Fn(f64, u64) -> Vec<(&'static str, Ju
             for (name, one) in of(per_cycle, seed) {
                 runs += 1;
                 doubted += usize::from(one.grade > Grade::PassesWithRemarks);
-                assert!(one.step_error < 0.05, "{name}, {per_cycle} a cycle: {}", one.step_error);
+                assert_small(&one, format_args!("{name}, {per_cycle} a cycle"));
                 squares.entry(name).or_default().extend(one.mean_squares);
             }
         }
@@ -171,7 +185,7 @@ fn hold_over_every_length(
             for (name, one) in of(samples, seed) {
                 runs += 1;
                 doubted += usize::from(one.grade > Grade::PassesWithRemarks);
-                assert!(one.step_error < 0.05, "{name}, {samples} samples: {}", one.step_error);
+                assert_small(&one, format_args!("{name}, {samples} samples"));
                 println!("{name}, {samples} samples: {:?}", one.mean_squares);
                 squares.extend(one.mean_squares);
             }
