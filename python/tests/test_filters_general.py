@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -212,3 +213,11 @@ def test_claims_hold_where_the_model_is_true_and_not_where_it_is_wrong() -> None
         assert filters.consistency({**functions, "filter": kind}, 30, runs=50).holds
     with pytest.raises(ValueError, match="`runs` is 1"):
         filters.consistency(parts, 100, runs=1)
+
+
+def test_several_recordings_are_filtered_by_threads() -> None:
+    parts = system(3, 2)
+    recordings = [samples(parts, 50)[1] for _ in range(6)]
+    with ThreadPoolExecutor(3) as threads:
+        together = list(threads.map(lambda z: filters.kalman(z, **parts, smooth=True).x, recordings))
+    assert all(np.array_equal(x, filters.kalman(z, **parts).x) for x, z in zip(together, recordings, strict=True))

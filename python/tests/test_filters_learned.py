@@ -117,3 +117,19 @@ def test_what_cannot_be_fitted_is_refused_with_its_reason() -> None:
         filters.em(z, F, H, [0, 1], 1, [0, 0], [1, 1], learn=["F"])
     with pytest.raises(KeyError, match="no number is called 's'; there are q, r"):
         filters.fit(model, TRUE, z, positive=("q", "r")).interval("s")
+
+
+def test_a_likelihood_and_its_gradient_serve_other_optimisers() -> None:
+    from scipy import optimize
+
+    z = measured(9)
+    of = filters.likelihood(model, TRUE, z, positive=("q", "r"))
+    at = np.log([0.05, 0.3])
+    assert of(at) == pytest.approx(float(filters.kalman(z, **model(0.05, 0.3)).log_likelihood.sum()), abs=1e-9)
+    # A step of another size.
+    by_five = [(of(at + step) - of(at - step)) / 2e-5 for step in 1e-5 * np.eye(2)]
+    assert np.allclose(of.gradient(at), by_five, rtol=1e-4)
+    found = optimize.minimize(lambda x: -of(x), at, jac=lambda x: -of.gradient(x), method="L-BFGS-B")
+    fitted = filters.fit(model, TRUE, z, positive=("q", "r"))
+    assert np.allclose(np.exp(found.x), list(fitted.values.values()), rtol=1e-3)
+    assert of([-np.inf, 800.0]) == -np.inf

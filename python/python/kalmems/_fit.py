@@ -7,22 +7,37 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ._needed import needed
 
 Numbers: TypeAlias = NDArray[np.float64]
-Likelihood: TypeAlias = Callable[[Numbers], float]
-"""ln p(z) as a function of the numbers that are searched."""
-
 HALF_95 = 0.5 * 3.841458820694124
 """How far the logarithm of the likelihood falls from its largest value to either end of an interval that holds 95 times in 100 (Wilks)."""
+STEP = 1e-3
+"""A step for differences, in scales of the numbers."""
 SECOND = 0.3
 """A step for second differences, in standard deviations."""
 FARTHEST = 12.0
 """How many standard deviations away the end of an interval is looked for."""
 FALLS = 1e-3
 """A gradient in standard deviations from which on a maximum is none."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Likelihood:
+    """ln p(z) as a function of an array of numbers."""
+
+    _value: Callable[[Numbers], float]
+    _scales: Numbers
+
+    def __call__(self, numbers: ArrayLike) -> float:
+        """ln p(z); minus infinity with numbers by which the filter stops."""
+        return self._value(np.asarray(numbers, dtype=np.float64))
+
+    def gradient(self, numbers: ArrayLike) -> Numbers:
+        """Its derivatives by these numbers, by central differences."""
+        return gradient(self, np.asarray(numbers, dtype=np.float64), STEP * self._scales)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -124,14 +139,18 @@ def check_start(start: Mapping[str, float], positive: Collection[str]) -> None:
             raise ValueError(f"`start` has {name} = {value}; expected a finite number{' above 0' if name in positive else ''}")
 
 
+def scales_of(start: Mapping[str, float], positive: Collection[str]) -> Numbers:
+    """A tenth of a number, or of a logarithm, as far as nothing is known of it."""
+    return np.array([0.1 if name in positive or value == 0 else 0.1 * abs(value) for name, value in start.items()])
+
+
 def maximised(likelihood: Likelihood, start: Mapping[str, float], positive: Collection[str]) -> Fit:
     """The numbers at which the likelihood is largest, from these on."""
     optimize = needed("scipy.optimize", "fit")
     first = _searched(start, positive)
     if not np.isfinite(likelihood(first)):
         raise ValueError("the likelihood of `start` is not finite; begin with larger variances")
-    # A tenth of a number, or of a logarithm, as far as nothing is known of it.
-    scales = np.array([0.1 if name in positive or value == 0 else 0.1 * abs(value) for name, value in start.items()])
+    scales = scales_of(start, positive)
     at = first
     for _ in range(3):
         scaled = _minimum(optimize, likelihood, at, scales)
@@ -159,7 +178,7 @@ def _minimum(optimize: Any, likelihood: Likelihood, at: Numbers, scales: Numbers
         return -value if np.isfinite(value) else 1e300
 
     def slope(steps: Numbers) -> Numbers:
-        return -gradient(likelihood, at + steps * scales, 1e-3 * scales) * scales
+        return -gradient(likelihood, at + steps * scales, STEP * scales) * scales
 
     found = optimize.minimize(less, np.zeros(at.size), jac=slope, method="BFGS", options={"gtol": 1e-4})
     return np.asarray(found.x, dtype=np.float64)

@@ -1,7 +1,7 @@
 """Kalman filters over arrays, for linear systems and for models of one's own.
 
 `kalman` is the filter of a linear system, `Ekf` and `Ukf` are those of functions. `fit` and `em` learn numbers that are not known, and `consistency`
-simulates whether claims hold. Shapes are written with n states, m measurements, k inputs and N samples. Units are the caller's own: a covariance has the square of the unit
+simulates whether claims hold. Filters of matrices and of compiled functions leave the interpreter's lock, so that threads run several at once. Shapes are written with n states, m measurements, k inputs and N samples. Units are the caller's own: a covariance has the square of the unit
 of what it is of, and `F` is per step, from a sample to the next.
 
 What is known before, `x0` and `P0`, is of the first sample before it is taken: that is updated with first, and each further sample is predicted
@@ -26,9 +26,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _consistency, _fit, _kalmems, _model_checks
 from ._consistency import Consistency
-from ._fit import Fit, Learned
+from ._fit import Fit, Learned, Likelihood
 
-__all__ = ["Consistency", "Ekf", "Filtered", "Fit", "Learned", "Smoothed", "Ukf", "consistency", "em", "fit", "kalman"]
+__all__ = ["Consistency", "Ekf", "Filtered", "Fit", "Learned", "Likelihood", "Smoothed", "Ukf", "consistency", "em", "fit", "kalman", "likelihood"]
 
 _SIGNATURE = "void(CPointer(float64), CPointer(float64), CPointer(float64))"
 
@@ -469,11 +469,40 @@ def fit(
     >>> found.converged, [bool(abs(found.values[name] - true) < 3 * found.sd[name]) for name, true in (("q", 0.01), ("r", 0.25))]
     (True, [True, True])
     """
+    return _fit.maximised(likelihood(model, start, z, u, positive=positive), start, positive)
+
+
+def likelihood(
+    model: Callable[..., Mapping[str, Any]],
+    start: Mapping[str, float],
+    z: ArrayLike,
+    u: ArrayLike | None = None,
+    *,
+    positive: Collection[str] = (),
+) -> Likelihood:
+    """ln p(z) of a model as a function of an array of its numbers, with its gradient: for optimisers and samplers of other libraries.
+
+    Parameters
+    ----------
+    model, start, z, u, positive
+        As of `fit`. The function takes the numbers in the order of `start`, and of those in `positive` the logarithms.
+
+    Returns
+    -------
+    Likelihood
+
+    Examples
+    --------
+    >>> of = likelihood(lambda q, r: dict(F=1, H=1, Q=q, R=r, x0=0, P0=1), {"q": 1, "r": 1}, [0.0, 1.0, 2.0], positive=("q", "r"))
+    >>> round(of(np.log([1, 1])), 4), of.gradient(np.log([1, 1])).round(4).tolist()
+    (-4.6162, [-0.0888, -0.574])
+    """
     _fit.check_start(start, positive)
     names = list(start)
 
-    def likelihood(numbers: Numbers) -> float:
-        each = {name: float(np.exp(x)) if name in positive else float(x) for name, x in zip(names, numbers, strict=True)}
+    def value(numbers: Numbers) -> float:
+        with np.errstate(over="ignore"):
+            each = {name: float(np.exp(x)) if name in positive else float(x) for name, x in zip(names, numbers, strict=True)}
         try:
             found = _run(dict(model(**each)), z, u)
         except ArithmeticError:
@@ -483,7 +512,7 @@ def fit(
 
     # Once with the checks, so that a model that cannot be meant is refused with its reason.
     _run({**dict(model(**start)), "check": True}, z, u)
-    return _fit.maximised(likelihood, start, positive)
+    return Likelihood(value, _fit.scales_of(start, positive))
 
 
 def _run(parts: dict[str, Any], z: ArrayLike, u: ArrayLike | None) -> Filtered:
