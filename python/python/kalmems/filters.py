@@ -1,6 +1,7 @@
 """Kalman filters over arrays, for linear systems and for models of one's own.
 
-`kalman` is the filter of a linear system, `Ekf` and `Ukf` are those of functions. `fit` and `em` learn numbers that are not known, and `consistency`
+`kalman` is the filter of a linear system, `Ekf`, `Ukf`, `Ensemble` and `Particles` are those of functions, `interacting` is that of a system that
+switches, and `posterior` draws ways of the state. `fit` and `em` learn numbers that are not known, and `consistency`
 simulates whether claims hold. Filters of matrices and of compiled functions leave the interpreter's lock, so that threads run several at once. Shapes are written with n states, m measurements, k inputs and N samples. Units are the caller's own: a covariance has the square of the unit
 of what it is of, and `F` is per step, from a sample to the next.
 
@@ -17,18 +18,36 @@ functions give arrays of the right shapes, and derivatives agree with difference
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _consistency, _fit, _kalmems, _model_checks
+from . import _consistency, _fit, _kalmems, _model_checks, _sampled
 from ._consistency import Consistency
 from ._fit import Fit, Learned, Likelihood
 
-__all__ = ["Consistency", "Ekf", "Filtered", "Fit", "Learned", "Likelihood", "Smoothed", "Ukf", "consistency", "em", "fit", "kalman", "likelihood"]
+__all__ = [
+    "Consistency",
+    "Ekf",
+    "Ensemble",
+    "Filtered",
+    "Fit",
+    "Learned",
+    "Likelihood",
+    "Particles",
+    "Smoothed",
+    "Ukf",
+    "consistency",
+    "em",
+    "fit",
+    "interacting",
+    "kalman",
+    "likelihood",
+    "posterior",
+]
 
 _SIGNATURE = "void(CPointer(float64), CPointer(float64), CPointer(float64))"
 
@@ -97,6 +116,8 @@ class Filtered:
     """Whether a sample has corrected the state, of the shape (N,)."""
     smoothed: Smoothed | None = None
     """The state given later samples as well, if `smooth` asked for it."""
+    models: Numbers | None = None
+    """How likely each of the models of `interacting` is, of the shape (N, count)."""
 
     @property
     def sd(self) -> Numbers:
@@ -431,6 +452,209 @@ class Ukf(_Nonlinear):
         method = "square_root_ukf" if square_root else "ukf"
         functions: dict[str, Function | None] = {"f": f, "F": None, "h": h, "H": None}
         super().__init__(functions, (Q, R), (method, (alpha, beta, kappa), largest_nis), check)
+
+
+class _Sampled:
+    def __init__(self, f: Function, h: Function, *, Q: ArrayLike, R: ArrayLike, members: int = 1000, seed: int = 0) -> None:
+        for name, function in (("f", f), ("h", h)):
+            _model_checks.function(name, function)
+            if _is_compiled(function):
+                raise TypeError(f"`{name}` is compiled; give a function of Python, which is called with all states at once where it can be")
+        if members < 2:
+            raise ValueError(f"`members` is {members}; expected 2 or more, such as 1000")
+        self._f, self._h, self._q, self._r, self._members, self._seed = f, h, Q, R, members, seed
+
+    def run(self, z: ArrayLike, x0: ArrayLike, P0: ArrayLike, u: ArrayLike | None = None) -> Filtered:
+        """Filters samples.
+
+        Parameters
+        ----------
+        z, x0, P0, u
+            As of `Ekf.run`.
+
+        Returns
+        -------
+        Filtered
+            Mean and covariance are those of the members, and `log_likelihood` is an estimate by them.
+        """
+        rows, states = _samples(z), _vector("x0", x0)
+        n, m = states.size, rows.shape[1]
+        before, noise = _matrix("P0", P0, n, n), (_matrix("Q", self._q, n, n), _matrix("R", self._r, m, m))
+        inputs = None if u is None else _rows("u", u)
+        _check_numbers(rows, inputs, states, before, *noise)
+        return Filtered(**self._found((self._f, self._h, *noise), (rows, states, before, inputs)))
+
+    def _found(self, parts: _sampled.Parts, given: _sampled.Given) -> dict[str, Any]:
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}(f={_named(self._f)}, h={_named(self._h)}, members={self._members}, seed={self._seed})"
+
+
+class Ensemble(_Sampled):
+    """The ensemble Kalman filter (Evensen 1994, with perturbed samples) of the model x′ = f(x, u) + w, z = h(x, u) + v.
+
+    Parameters
+    ----------
+    f, h, Q, R
+        As those of `Ekf`. Functions that give the right numbers for states of the shape (n, members) are called once for all of them.
+    members : int
+        States that are carried.
+    seed : int
+        Of the random numbers.
+
+    Examples
+    --------
+    >>> walk = Ensemble(lambda x: x, lambda x: x, Q=0.01, R=1.0, members=4000)
+    >>> found = walk.run([1.0, 1.0, 1.0], x0=0, P0=1)
+    >>> found.x[-1].round(1).tolist(), found.sd[-1].round(1).tolist()
+    ([0.8], [0.5])
+    """
+
+    def _found(self, parts: _sampled.Parts, given: _sampled.Given) -> dict[str, Any]:
+        return _sampled.by_ensemble(parts, given, self._members, self._seed)
+
+
+class Particles(_Sampled):
+    """The bootstrap particle filter (Gordon, Salmond and Smith 1993) of the model x′ = f(x, u) + w, z = h(x, u) + v.
+
+    Particles are drawn anew, systematically, where less than half of them count.
+
+    Parameters
+    ----------
+    f, h, Q, R
+        As those of `Ekf`. Functions that give the right numbers for states of the shape (n, members) are called once for all of them.
+    members : int
+        Particles.
+    auxiliary : bool
+        Whether those are moved on that the next sample makes likely (Pitt and Shephard 1999), which suits a small process noise.
+    seed : int
+        Of the random numbers.
+
+    Examples
+    --------
+    The size of a number is measured, and not its sign:
+
+    >>> found = Particles(lambda x: x, lambda x: np.abs(x), Q=1e-4, R=0.01, members=4000).run(np.ones(20), x0=0, P0=4)
+    >>> bool(abs(found.x[-1, 0]) < 0.3), found.sd[-1].round(1).tolist()
+    (True, [1.0])
+    """
+
+    def __init__(
+        self, f: Function, h: Function, *, Q: ArrayLike, R: ArrayLike, members: int = 1000, auxiliary: bool = False, seed: int = 0
+    ) -> None:
+        super().__init__(f, h, Q=Q, R=R, members=members, seed=seed)
+        self._is_auxiliary = auxiliary
+
+    def _found(self, parts: _sampled.Parts, given: _sampled.Given) -> dict[str, Any]:
+        return _sampled.by_particles(parts, given, self._members, self._is_auxiliary, self._seed)
+
+
+def interacting(
+    z: ArrayLike,
+    models: Sequence[Mapping[str, ArrayLike]],
+    switching: ArrayLike,
+    x0: ArrayLike,
+    P0: ArrayLike,
+    *,
+    u: ArrayLike | None = None,
+    chances: ArrayLike | None = None,
+) -> Filtered:
+    """Interacting multiple models (Blom and Bar-Shalom 1988): a linear system that switches between some.
+
+    Parameters
+    ----------
+    z, x0, P0, u
+        As of `kalman`.
+    models : sequence of mappings
+        Of each model `F`, `H`, `Q`, `R`, and `B` if there are inputs, as of `kalman`.
+    switching : array of the shape (count, count)
+        The probability with which a row's model is followed by a column's from a sample to the next.
+    chances : array of the shape (count,), optional
+        How likely each is at first; all alike if left out.
+
+    Returns
+    -------
+    Filtered
+        With `models`, how likely each is at each sample.
+
+    Examples
+    --------
+    A level that stays, and from sample 20 on walks:
+
+    >>> random = np.random.default_rng(1)
+    >>> level = np.concatenate([np.zeros(20), np.cumsum(random.normal(0, 2, 20))])
+    >>> still, walking = ({"F": 1, "H": 1, "Q": q, "R": 0.01} for q in (1e-6, 4.0))
+    >>> found = interacting(level + random.normal(0, 0.1, 40), [still, walking], [[0.95, 0.05], [0.05, 0.95]], x0=0, P0=1)
+    >>> found.models[[15, 35], 1].round(1).tolist()
+    [0.0, 1.0]
+    """
+    rows, state, between = _samples(z), _vector("x0", x0), _model_checks.numbers("`switching`", switching)
+    n, m, count = state.size, rows.shape[1], len(models)
+    if between.shape != (count, count) or (between < 0).any() or not np.allclose(between.sum(axis=1), 1):
+        raise ValueError(f"`switching` has the shape {between.shape}; expected ({count}, {count}), probabilities with the sum 1 in each row")
+    first = np.full(count, 1 / count) if chances is None else _vector("chances", chances)
+    if first.shape != (count,) or (first < 0).any() or not np.isclose(first.sum(), 1):
+        raise ValueError(f"`chances` has the shape {first.shape}; expected ({count},), probabilities with the sum 1")
+    inputs, before = None if u is None else _rows("u", u), _matrix("P0", P0, n, n)
+    each = []
+    for model in models:
+        shapes = {"F": (n, n), "H": (m, n), "Q": (n, n), "R": (m, m)}
+        parts = {name: _matrix(name, model[name], *shape) for name, shape in shapes.items()}
+        _check_numbers(rows, inputs, state, before, parts["Q"], parts["R"])
+        if "B" in model and inputs is not None:
+            parts["B"] = _matrix("B", model["B"], n, inputs.shape[1])
+        each.append(parts)
+    found, probabilities = _sampled.by_interacting_models(each, between, first, (rows, state, before, inputs))
+    return Filtered(**found, models=probabilities)
+
+
+def posterior(
+    z: ArrayLike,
+    F: ArrayLike,
+    H: ArrayLike,
+    Q: ArrayLike,
+    R: ArrayLike,
+    x0: ArrayLike,
+    P0: ArrayLike,
+    *,
+    B: ArrayLike | None = None,
+    u: ArrayLike | None = None,
+    draws: int = 100,
+    seed: int = 0,
+) -> Numbers:
+    """Whole ways of the state of a linear system, drawn from what all samples tell of it (Carter and Kohn 1994).
+
+    What depends on several samples, such as a maximum or the time of a crossing, has the distribution of these ways; means and covariances alone do not
+    give it. Rows of `nan` at the end of `z` are simulated onwards.
+
+    Parameters
+    ----------
+    z, F, H, Q, R, x0, P0, B, u
+        As of `kalman`.
+    draws : int
+        How many.
+    seed : int
+        Of the random numbers.
+
+    Returns
+    -------
+    array of the shape (draws, N, n)
+
+    Examples
+    --------
+    >>> ways = posterior([0.0, np.nan, np.nan, 1.0], F=1, H=1, Q=1, R=1e-9, x0=0, P0=1, draws=20_000)
+    >>> ways.mean(axis=0)[1:, 0].round(1).tolist()
+    [0.3, 0.7, 1.0]
+    """
+    filtered = kalman(z, F, H, Q, R, x0, P0, B=B, u=u)
+    n = filtered.x.shape[1]
+    inputs = None if u is None else _rows("u", u)
+    driven = None
+    if inputs is not None and B is not None:
+        gain = _matrix("B", B, n, inputs.shape[1])
+        driven = np.einsum("kij,kj->ki", gain, inputs) if gain.ndim == 3 else inputs @ gain.T
+    return _sampled.by_backward_draws(filtered, _matrix("F", F, n, n), _matrix("Q", Q, n, n), driven, draws, seed)
 
 
 def fit(
