@@ -27,6 +27,9 @@ pub struct Job<'a> {
     pub stop: &'a dyn Fn() -> bool,
 }
 
+/// Those of all samples, row after row.
+type MeansAndCovariances = (Vec<f64>, Vec<f64>);
+
 /// What it says of each sample, row after row.
 #[derive(Default)]
 pub struct Run {
@@ -38,7 +41,7 @@ pub struct Run {
     pub log_likelihood: Vec<f64>,
     pub taken: Vec<bool>,
     /// Mean and covariance given later samples, where they are wanted.
-    pub smoothed: Option<(Vec<f64>, Vec<f64>)>,
+    pub smoothed: Option<MeansAndCovariances>,
     /// Where and why it stopped, if it did.
     pub stopped: Option<(usize, String)>,
 }
@@ -168,7 +171,7 @@ impl LaterKnown {
         Self { lag, rows, n, means: of(n), covariances: of(n * n) }
     }
 
-    /// Writes the state of a sample, of these rows back from the newest one, `to` the last of them alone or all.
+    /// Writes the states from that of the newest row back: all that are kept, or the one of so many rows before alone.
     fn look_back(
         &mut self,
         filter: &dyn RowFilter,
@@ -206,7 +209,7 @@ impl LaterKnown {
         mut self,
         filter: &dyn RowFilter,
         stop: &dyn Fn() -> bool,
-    ) -> Result<Option<(Vec<f64>, Vec<f64>)>, FilterError> {
+    ) -> Result<Option<MeansAndCovariances>, FilterError> {
         if self.lag == 0 {
             return Ok(None);
         }

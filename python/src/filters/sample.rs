@@ -282,7 +282,7 @@ impl Sample<'_> {
             return Err(FilterError::InnovationNotPositive);
         }
         let weights = &mut weights[..count];
-        for k in 0..count {
+        for (k, variance) in variances.iter().enumerate().take(count) {
             row_of_inverse(lower, k, weights);
             let of = |values: &dyn Fn(usize) -> f64| -> f64 {
                 present.iter().zip(&*weights).map(|(own, weight)| weight * values(*own)).sum()
@@ -293,13 +293,13 @@ impl Sample<'_> {
                     combined[*own] = *weight;
                 }
                 let sensor = Combined { sample: self, weights: combined };
-                filter.correct(&sensor, of(&|own| self.z[own]), variances[k], f64::INFINITY)?;
+                filter.correct(&sensor, of(&|own| self.z[own]), *variance, f64::INFINITY)?;
             } else {
                 for (j, slope) in line.iter_mut().enumerate() {
                     *slope = of(&|own| slopes[own * n + j]);
                 }
                 let sensor = Line { slopes: line, from: mean };
-                filter.correct(&sensor, of(&|own| innovation[own]), variances[k], f64::INFINITY)?;
+                filter.correct(&sensor, of(&|own| innovation[own]), *variance, f64::INFINITY)?;
             }
         }
         Ok(())
