@@ -1,6 +1,6 @@
 """The linear Kalman filter and smoother of this package beside those of other libraries: the same model, the same samples, one thread.
 
-    pip install './python[fit]' filterpy pykalman simdkalman statsmodels numba && python python/benchmarks/libraries.py
+    pip install './python[fit]' filterpy pykalman simdkalman statsmodels dynamax numba && python python/benchmarks/libraries.py
 
 Prints the processor's time of each in µs a step, by the fastest of several runs, the root mean square error of the filtered and of the smoothed
 position in units of the samples' standard deviation, and by how much its log-likelihood differs from that of this package. Then the variances that
@@ -104,6 +104,24 @@ def by_statsmodels(z: np.ndarray) -> Answer:
     return Answer(found.filtered_state.T, float(found.llf), found.smoothed_state.T)
 
 
+def of_dynamax() -> Callable[[np.ndarray], Answer]:
+    """Compiled by JAX before it is timed."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    from dynamax.linear_gaussian_ssm.inference import lgssm_smoother, make_lgssm_params
+
+    parameters = make_lgssm_params(X0, P0, F, NOISE, H, np.array([[R]]))
+    smooth = jax.jit(lambda z: lgssm_smoother(parameters, z))
+
+    def answer(z: np.ndarray) -> Answer:
+        found = smooth(z[:, None])
+        return Answer(np.asarray(found.filtered_means), float(found.marginal_loglik), np.asarray(found.smoothed_means))
+
+    answer(simulated()[1])
+    return answer
+
+
 def hand_written() -> Callable[[np.ndarray], Answer]:
     """The filter of two states and one measurement, unrolled by hand for Numba."""
     import numba
@@ -146,6 +164,7 @@ LIBRARIES: list[tuple[str, int, Callable[[], Callable[[np.ndarray], Answer]]]] =
     ("by hand, unrolled, compiled by Numba", 20, hand_written),
     ("kalmems.filters.kalman and smoother", 10, lambda: by_kalmems),
     ("statsmodels, filter and smoother", 10, lambda: by_statsmodels),
+    ("dynamax, filter and smoother", 10, of_dynamax),
     ("simdkalman, filter and smoother", 1, lambda: by_simdkalman),
     ("filterpy, filter and smoother", 1, lambda: by_filterpy),
     ("pykalman, filter and smoother", 1, lambda: by_pykalman),
