@@ -80,10 +80,11 @@ def simulated(
     for k in range(count):
         states.append(state)
         seen = see(state, k)
-        samples.append(seen + drawn(random, _at(parts["R"], k)))
-        state = move(state, k) + drawn(random, _at(parts["Q"], k))
+        samples.append(seen + drawn(random, of_sample(parts["R"], k)))
+        state = move(state, k) + drawn(random, of_sample(parts["Q"], k))
     return np.array(states), np.array(samples)
 
 
-def _at(matrix: Numbers, sample: int) -> Numbers:
+def of_sample(matrix: Numbers, sample: int) -> Numbers:
+    """That of a sample, of one for all or of one for each."""
     return np.asarray(matrix[sample] if matrix.ndim == 3 else matrix)

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ._consistency import drawn
+from ._consistency import drawn, of_sample
 from ._model_checks import numbers
 
 Numbers: TypeAlias = NDArray[np.float64]
@@ -109,10 +109,6 @@ def _begun(parts: Parts, given: Given, count: int, random: np.random.Generator) 
     return states, of_many("f", f, len(x0), states, first), of_many("h", h, z.shape[1], states, first)
 
 
-def _at(matrix: Numbers, sample: int) -> Numbers:
-    return np.asarray(matrix[sample] if matrix.ndim == 3 else matrix)
-
-
 def _logarithms(chances: Numbers) -> Numbers:
     with np.errstate(divide="ignore"):
         return np.log(chances)
@@ -131,11 +127,11 @@ def by_ensemble(parts: Parts, given: Given, count: int, seed: int) -> dict[str, 
     for k, sample in enumerate(z):
         if k > 0:
             before = None if u is None else u[k - 1]
-            states = move(states, before) + _noises(random, _at(parts[2], k - 1), count)
+            states = move(states, before) + _noises(random, of_sample(parts[2], k - 1), count)
         there = np.flatnonzero(~np.isnan(sample))
         if there.size:
             seen = see(states, None if u is None else u[k])[:, there]
-            noise = _at(parts[3], k)[np.ix_(there, there)]
+            noise = of_sample(parts[3], k)[np.ix_(there, there)]
             mean, spread = moments(seen, equal)
             unbiased = count / (count - 1)
             s = unbiased * spread + noise
@@ -156,7 +152,7 @@ def by_particles(parts: Parts, given: Given, count: int, auxiliary: bool, seed: 
     weights, rows = np.full(count, 1 / count), Rows(len(z), states.shape[1], z.shape[1])
     for k, sample in enumerate(z):
         there, inputs = np.flatnonzero(~np.isnan(sample)), None if u is None else u[k]
-        noise = _at(parts[3], k)[np.ix_(there, there)]
+        noise = of_sample(parts[3], k)[np.ix_(there, there)]
         expected = np.zeros(count)
         if k > 0:
             ahead = move(states, None if u is None else u[k - 1])
@@ -171,7 +167,7 @@ def by_particles(parts: Parts, given: Given, count: int, auxiliary: bool, seed: 
                 ahead, expected, weights = ahead[places], expected[places] - total, np.full(count, 1 / count)
             elif 1 / (weights**2).sum() < FEW * count:
                 ahead, weights = ahead[chosen(random, weights)], np.full(count, 1 / count)
-            states = ahead + _noises(random, _at(parts[2], k - 1), count)
+            states = ahead + _noises(random, of_sample(parts[2], k - 1), count)
         if there.size:
             seen = see(states, inputs)[:, there]
             mean, spread = moments(seen, weights)
@@ -205,13 +201,13 @@ def by_interacting_models(models: Sequence[Mapping[str, Numbers]], switching: Nu
             covariances = np.einsum("ij,ijab->jab", shares, spread)
             means = starts
             for j, of in enumerate(models):
-                f, q = _at(of["F"], k - 1), _at(of["Q"], k - 1)
+                f, q = of_sample(of["F"], k - 1), of_sample(of["Q"], k - 1)
                 driven = 0.0 if u is None or "B" not in of else of["B"] @ u[k - 1]
                 means[j], covariances[j] = f @ means[j] + driven, f @ covariances[j] @ f.T + q
         if there.size:
             each, fits, lefts = np.empty(count), [], []
             for j, of in enumerate(models):
-                h, r = _at(of["H"], k)[there], _at(of["R"], k)[np.ix_(there, there)]
+                h, r = of_sample(of["H"], k)[there], of_sample(of["R"], k)[np.ix_(there, there)]
                 left, s = sample[there] - h @ means[j], h @ covariances[j] @ h.T + r
                 gain = np.linalg.solve(s, h @ covariances[j]).T
                 each[j] = log_density(left[None], s)[0]
@@ -239,7 +235,7 @@ def by_backward_draws(filtered: Any, motion: Numbers, noise: Numbers, driven: Nu
     for k in range(len(means) - 1, -1, -1):
         mean, covariance = means[k], covariances[k]
         if k + 1 < len(means):
-            f, q = _at(motion, k), _at(noise, k)
+            f, q = of_sample(motion, k), of_sample(noise, k)
             crossed = covariance @ f.T
             # G = P·Fᵀ·(P⁺)⁻¹, where P⁺ may be singular.
             gain = crossed @ np.linalg.pinv(f @ crossed + q, rcond=1e-13, hermitian=True)

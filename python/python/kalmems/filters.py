@@ -811,9 +811,8 @@ def consistency(
 
 def _of_matrices(matrix: Numbers, gain: Numbers | None, inputs: Numbers | None) -> Callable[[Numbers, int], Numbers]:
     def value(x: Numbers, sample: int) -> Numbers:
-        at, by = (None if each is None else each[sample] if each.ndim == 3 else each for each in (matrix, gain))
-        assert at is not None
-        return np.asarray(at @ x + (0.0 if by is None or inputs is None else by @ inputs[sample]))
+        driven = 0.0 if gain is None or inputs is None else _consistency.of_sample(gain, sample) @ inputs[sample]
+        return np.asarray(_consistency.of_sample(matrix, sample) @ x + driven)
 
     return value
 

@@ -154,7 +154,7 @@ fn judged_unknown<const N: usize, const M: usize>(
 }
 
 #[test]
-#[ignore = "slow: ten minutes on two processors in a release build"]
+#[ignore = "slow: three minutes on two processors in a release build"]
 fn slow_right_filters_that_find_their_resonance_hold_at_every_sampling_rate() {
     let [comb, fork] = [["k", "4.7374", "N/m"], ["k", "27966.9", "N/m"]];
     let [gyroscope, rest] = [["k", "39.44", "N/m"], ["w", "3924.477", "1/s"]];
