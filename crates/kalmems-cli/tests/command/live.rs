@@ -200,6 +200,20 @@ start_sd = {{ x = "1 um", v = "{} um/s" }}
     path
 }
 
+/// Memory, times and errors of a million samples, each as that tool wants them of a day.
+#[test]
+fn a_million_samples_take_constant_memory_and_do_not_drift() {
+    let day = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tools/stream_day.py");
+    let mut python = Command::new("python3");
+    let Ok(run) = python.arg(day).arg(env!("CARGO_BIN_EXE_kalmems")).args(["--seconds", "100"]).output()
+    else {
+        println!("skipped: python3 is not installed");
+        return;
+    };
+    let [told, failed] = [&run.stdout, &run.stderr].map(|bytes| String::from_utf8_lossy(bytes));
+    assert!(run.status.success(), "{told}{failed}");
+}
+
 /// The events of a name of a stream from a connection, with the exit code.
 fn events_from_tcp(experiment: &Path, bytes: &[u8], name: &str) -> (Option<i32>, Vec<serde_json::Value>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

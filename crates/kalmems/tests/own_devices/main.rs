@@ -1,6 +1,8 @@
 //! Devices that an experiment file describes by equations, and numbers that are uncertain.
 
 mod contacts;
+mod coupled_devices;
+mod diagnosed_faults;
 mod equations;
 mod events;
 mod example_devices;
@@ -8,6 +10,7 @@ mod export;
 mod export_agreement;
 mod export_faults;
 mod export_table;
+mod further_devices;
 mod input_rate;
 mod measured_devices;
 mod measured_outliers;
