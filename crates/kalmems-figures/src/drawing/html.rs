@@ -150,12 +150,13 @@ pub fn escaped(text: &str) -> String {
         .replace('\'', "&#x27;")
 }
 
-/// Plain text as HTML, what stands in backticks as code.
+/// Plain text as HTML, what stands in backticks as code. No line ends between ± and its number.
 fn with_code(text: &str) -> Value {
+    let text = text.replace("± ", "±\u{a0}");
     let parts: Vec<&str> = text.split('`').collect();
     // One without a partner is no mark.
     if parts.len().is_multiple_of(2) {
-        return Value::from_safe_string(escaped(text));
+        return Value::from_safe_string(escaped(&text));
     }
     let html = parts.iter().enumerate().map(|(index, part)| {
         if index % 2 == 1 { format!("<code>{}</code>", escaped(part)) } else { escaped(part) }
