@@ -6,8 +6,8 @@ use super::compensation_sources::{header, rust_module};
 use super::noise_yaml::noise_yaml;
 use crate::WriteError;
 use crate::calibration::{
-    AXES, AxisAtRest, CalibratedGyroscope, CalibratedQuantity, Calibration, CalibrationError,
-    GyroscopeCalibration, InertialSensor, QuantityUnit, RecordOutcome, ScaleFactorChange, UncertainEstimate,
+    AXES, AxisAtRest, CalibratedGyroscope, Calibration, CalibrationError, GyroscopeCalibration,
+    InertialSensor, QuantityUnit, RecordOutcome, ScaleFactorChange, UncertainEstimate,
 };
 use crate::config::TemperatureCurve;
 use crate::recording::RecordingSource;
@@ -27,6 +27,8 @@ use std::io::{self, Write};
 pub struct CalibrationSummary<'a> {
     /// The calibration's name.
     pub name: String,
+    /// What was asked for, as the certificate has it: a sentence for each of the first results.
+    pub answer: Vec<String>,
     /// Each condition with each reference.
     pub results: &'a [CalibratedGyroscope],
     /// Changes between conditions.
@@ -87,6 +89,7 @@ impl<'a> CalibrationSummary<'a> {
         });
         Self {
             name: found.file.name.to_string(),
+            answer: Certificate::of(found).answer,
             results: &found.results,
             changes: &found.changes,
             comparisons: &found.comparisons,
@@ -95,44 +98,6 @@ impl<'a> CalibrationSummary<'a> {
             findings: &found.findings,
             rest_motions: &found.rest_motions,
         }
-    }
-
-    /// What was asked for, a sentence each: scale factors; else the first quantities of the records; else the biases at rest.
-    pub fn answer(&self) -> Vec<String> {
-        let scales = self.results.iter().map(|result| {
-            let found = &result.scale_factor;
-            let place =
-                format!("scale factor {}, {}, {}", AXES[result.main], result.condition, result.reference);
-            if result.withheld.is_some() {
-                return format!("{place}: withheld");
-            }
-            let [value, expanded] = with_uncertainty(found.value, found.expanded());
-            format!("{place}: {value} ± {expanded} (95 %)")
-        });
-        let quantities = self.unit_records.iter().flat_map(|record| {
-            let of = |quantity: &CalibratedQuantity| {
-                let QuantityUnit { factor, shown, .. } = quantity.unit;
-                let found = &quantity.estimate;
-                let [value, expanded] = with_uncertainty(factor * found.value, factor * found.expanded());
-                format!("{}: {value} ± {expanded} {shown} (95 %)", quantity.name.replace('_', " "))
-            };
-            record.quantities.iter().map(of)
-        });
-        let rests = self.rest.iter().map(|RestSummary { rest, .. }| {
-            let found = rest.bias_estimate();
-            let [value, expanded] = with_uncertainty(1e3 * found.value, 1e3 * found.expanded());
-            format!(
-                "bias at rest {}: {value} ± {expanded} m{} (95 %)",
-                rest.sensor.axis(rest.axis),
-                rest.sensor.unit()
-            )
-        });
-        let mut all: Vec<String> = scales.chain(quantities).chain(rests).collect();
-        if let Some(more) = all.len().checked_sub(ANSWERED).filter(|more| *more > 0) {
-            all.truncate(ANSWERED);
-            all.push(format!("{more} further results are in the tables"));
-        }
-        all
     }
 
     /// For a terminal.
@@ -145,9 +110,8 @@ impl<'a> CalibrationSummary<'a> {
         let not_observed = |line: &String| format!("not observed: {line}\n");
         let text_of = |table: TextTable| table.to_text_within(columns);
         let mut parts: Vec<String> = Vec::new();
-        let answer = self.answer();
-        if !answer.is_empty() {
-            parts.push(answer.join("\n") + "\n");
+        if !self.answer.is_empty() {
+            parts.push(self.answer.join("\n") + "\n");
         }
         if !self.results.is_empty() {
             parts.push(scale_factors(self.results).to_text_within(columns));
@@ -176,9 +140,6 @@ impl<'a> CalibrationSummary<'a> {
         parts.join("\n")
     }
 }
-
-/// Results that a calibration names before its tables.
-const ANSWERED: usize = 4;
 
 /// The budget of a result, and what else it has in tables.
 fn tables_of(result: &CalibratedGyroscope) -> impl Iterator<Item = TextTable> {
@@ -1022,16 +983,23 @@ pub(super) fn noted(section: PageSection, lines: impl IntoIterator<Item = String
 fn page(found: &Calibration, figures: &[Figure]) -> Page {
     let subtitle = found.file.description.clone().unwrap_or_default();
     let mut page = Page::new(found.file.name.to_string(), subtitle);
-    if !found.results.is_empty() {
-        let mut section = PageSection::new("Verdict").part(PagePart::Verdict);
-        for result in &found.results {
-            for warning in &result.warnings {
-                let link = link("applications");
-                let text = format!("{}, {}: {warning}{link}", result.condition, result.reference);
-                section = section.notice(NoticeSeverity::Warning, text);
-            }
-        }
-        section = section.table(scale_factors(&found.results)).paragraph(
+    let link = link("applications");
+    let of_results = found.results.iter().flat_map(|result| {
+        let place = format!("{}, {}", result.condition, result.reference);
+        result.warnings.iter().map(move |warning| format!("{place}: {warning}"))
+    });
+    let of_records = found
+        .records
+        .iter()
+        .flat_map(|record| record.warnings.iter().map(move |warning| format!("{}: {warning}", record.title)));
+    let warnings = of_results.chain(of_records).map(|text| text + &link).collect();
+    let section = PageSection::new("Verdict").part(PagePart::Verdict);
+    let section = Certificate::of(found).answer.iter().fold(section, PageSection::paragraph);
+    let section = section.findings(NoticeSeverity::Warning, warnings);
+    if found.results.is_empty() && !section.blocks.is_empty() {
+        page = page.with(section);
+    } else if !found.results.is_empty() {
+        let section = section.table(scale_factors(&found.results)).paragraph(
             "Both instruments are fitted by sines of free frequency: each has its own clock. The interval has all that the \
              budget knows of; what nobody stated is not in it. Crest to trough is the published method, samples about the \
              turning points averaged; with an intercept, as printed, its errors are three to four times larger.",
@@ -1065,9 +1033,6 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     for record in &found.records {
         let section =
             PageSection::new(record.title.clone()).part(PagePart::Evidence).table(quantities(record));
-        let warned =
-            |section: PageSection, line: &String| section.notice(NoticeSeverity::Warning, line.clone());
-        let section = record.warnings.iter().fold(section, warned);
         let section = record.tables.iter().cloned().fold(section, PageSection::table);
         let section = with_not_observed(section, &record.not_observed);
         page = page.with(record.figures.iter().cloned().fold(section, PageSection::figure));
