@@ -195,6 +195,7 @@ pub struct Series {
     record: Option<Arc<Record>>,
     place: Option<SamplesPlace>,
     links: Vec<SeriesLink>,
+    colour_place: Option<usize>,
 }
 
 /// A point of a series, or a cell of a map, that leads to another part of the page.
@@ -285,6 +286,7 @@ impl Series {
             record: None,
             place: None,
             links: Vec::new(),
+            colour_place: None,
             shape: Shape::Map(grid),
         }
     }
@@ -324,6 +326,13 @@ impl Series {
         self
     }
 
+    /// Has the colour of this place among the free ones, in every panel the same, whatever its role.
+    #[must_use]
+    pub fn of_colour(mut self, place: usize) -> Self {
+        self.colour_place = Some(place);
+        self
+    }
+
     fn reduced<T>(
         (label, role, record): (String, SeriesRole, Option<Arc<Record>>),
         data: DecimatedSignal<T>,
@@ -339,6 +348,7 @@ impl Series {
             record,
             place: None,
             links: Vec::new(),
+            colour_place: None,
             shape: shape(data.runs),
         }
     }
@@ -351,6 +361,11 @@ impl Series {
     /// What it stands for.
     pub fn role(&self) -> SeriesRole {
         self.role
+    }
+
+    /// The place of its colour among the free ones, where that is stated.
+    pub(crate) fn colour_place(&self) -> Option<usize> {
+        self.colour_place
     }
 
     /// What is left to draw.

@@ -1,6 +1,7 @@
 //! Pages, pictures and files of results.
 
 mod compare;
+mod compared_run;
 mod evidence;
 mod figure_files;
 mod figures;
@@ -16,7 +17,7 @@ mod samples;
 mod simulation;
 mod twins;
 
-pub use compare::{CompareError, compare_page};
+pub use compare::{CompareError, Comparison, compare};
 pub(crate) use figure_files::write_figure;
 pub use figures::figures as estimate_figures;
 pub use files::{ResultWriteError, WriteOptions, write_estimate};
