@@ -196,6 +196,16 @@ pub struct Series {
     place: Option<SamplesPlace>,
     links: Vec<SeriesLink>,
     colour_place: Option<usize>,
+    written: Vec<WrittenPoint>,
+}
+
+/// A text that stands in the panel next to a point.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct WrittenPoint {
+    /// The point.
+    pub(crate) at: [f64; 2],
+    /// The text.
+    pub(crate) text: String,
 }
 
 /// A point of a series, or a cell of a map, that leads to another part of the page.
@@ -287,6 +297,7 @@ impl Series {
             place: None,
             links: Vec::new(),
             colour_place: None,
+            written: Vec::new(),
             shape: Shape::Map(grid),
         }
     }
@@ -333,6 +344,18 @@ impl Series {
         self
     }
 
+    /// Separate points, each with a text next to it: above the first, below the second, and so on.
+    pub fn written(
+        label: impl Into<String>,
+        role: SeriesRole,
+        points: impl IntoIterator<Item = (f64, f64, String)>,
+    ) -> Self {
+        let written = points.into_iter().map(|(x, y, text)| WrittenPoint { at: [x, y], text });
+        let written: Vec<WrittenPoint> = written.collect();
+        let points = written.iter().map(|one| (one.at[0], one.at[1]));
+        Self { written: written.clone(), ..Self::points(label, role, points) }
+    }
+
     fn reduced<T>(
         (label, role, record): (String, SeriesRole, Option<Arc<Record>>),
         data: DecimatedSignal<T>,
@@ -349,6 +372,7 @@ impl Series {
             place: None,
             links: Vec::new(),
             colour_place: None,
+            written: Vec::new(),
             shape: shape(data.runs),
         }
     }
@@ -395,6 +419,11 @@ impl Series {
     /// Where all of its samples are, beside a page.
     pub(crate) fn place(&self) -> Option<&SamplesPlace> {
         self.place.as_ref()
+    }
+
+    /// Its texts in the panel.
+    pub(crate) fn texts(&self) -> &[WrittenPoint] {
+        &self.written
     }
 
     /// Where it leads to.
