@@ -26,6 +26,6 @@ pub(super) use files::{columns, signal_unit};
 pub use identification::{IdentificationSummary, identification_page, write_identification};
 pub use inspection::{draw_inspection, inspection_figure, inspection_page};
 pub use long_estimate::LongEstimate;
-pub use outlook::{draw_outlook, outlook_figures, outlook_page, write_outlook};
+pub use outlook::{AnsweredOutlook, draw_outlook, outlook_figures, outlook_page, write_outlook};
 pub(super) use page::page;
 pub use simulation::{SimulationSummary, SimulationWriteError, write_simulation};
