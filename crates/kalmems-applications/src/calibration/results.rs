@@ -7,7 +7,7 @@ use super::noise_yaml::noise_yaml;
 use crate::WriteError;
 use crate::calibration::{
     AXES, AxisAtRest, CalibratedGyroscope, Calibration, CalibrationError, GyroscopeCalibration,
-    InertialSensor, QuantityUnit, RecordOutcome, ScaleFactorChange, UncertainEstimate,
+    InertialSensor, NoiseFit, QuantityUnit, RecordOutcome, ScaleFactorChange, UncertainEstimate,
 };
 use crate::config::TemperatureCurve;
 use crate::recording::RecordingSource;
@@ -721,7 +721,8 @@ fn of_rest(rests: &[&AxisAtRest], sensor: InertialSensor) -> Figure {
         allan_id(sensor),
         "At rest",
         "Allan's deviation, overlapping, with the interval that holds the true one 95 times in 100, and the noise that was fitted to it: \
-         quantisation, white noise behind a low pass, flicker and a random walk.",
+         quantisation, white noise after a low pass, flicker and a random walk. N, B and K are its random walk of the angle or velocity, its bias \
+         instability, and its random walk of the rate or acceleration; \"<\" is the upper end of an interval from 0 on.",
     );
     let (factor, _) = sensor.shown();
     let shown = |size: f64| factor * size;
@@ -752,12 +753,43 @@ fn of_rest(rests: &[&AxisAtRest], sensor: InertialSensor) -> Figure {
                     line.collect::<Vec<_>>(),
                 ));
             }
+            let times: Vec<f64> = holds().collect();
+            panel = panel.with(Series::written(
+                "",
+                SeriesRole::Model,
+                written_terms(rest, fit, &times)
+                    .map(|(time_s, text)| (time_s, shown(fit.deviation(time_s)), text)),
+            ));
         }
         if let Some([bias, _]) = rest.bias_instability {
             let floor = shown(bias * super::noise_model::FLOOR.sqrt());
             panel = panel.with(Series::level("floor of the bias instability", SeriesRole::Bound, floor));
         }
         figure.with(panel)
+    })
+}
+
+/// Random walk N, bias instability B and rate random walk K with their values, each at the averaging time at which it has its largest share of
+/// the fitted variance; of one whose interval begins at 0 the upper end.
+fn written_terms<'a>(
+    rest: &AxisAtRest,
+    fit: &'a NoiseFit,
+    times_s: &'a [f64],
+) -> impl Iterator<Item = (f64, String)> + 'a {
+    /// How the deviation of each goes with the averaging time.
+    const COURSES: [(&str, fn(f64) -> f64); 3] =
+        [("N", |time_s| time_s.sqrt().recip()), ("B", |_| 1.0), ("K", f64::sqrt)];
+    let terms = rest.noise_terms();
+    COURSES.into_iter().zip(terms).filter_map(move |((symbol, course), term)| {
+        let (factor, unit) = term.shown;
+        let text = match (term.value, term.interval) {
+            (Some(value), _) => format!("{symbol} = {} {unit}", three_digits(factor * value)),
+            (None, Some([_, high])) => format!("{symbol} < {} {unit}", three_digits(factor * high)),
+            (None, None) => return None,
+        };
+        let share = |time_s: f64| course(time_s) / fit.deviation(time_s);
+        let times = times_s.iter().copied();
+        Some((times.max_by(|a, b| share(*a).total_cmp(&share(*b)))?, text))
     })
 }
 
@@ -1027,8 +1059,10 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     if !found.rest.is_empty() {
         let rests: Vec<&AxisAtRest> = found.rest.iter().collect();
         let section = at_rest(&rests).fold(PageSection::new("At rest"), PageSection::table);
-        let is_of_rest = |id: &str| ["rest", "allan", "density"].iter().any(|kind| id.starts_with(kind));
-        page = page.with(with_figures(section, &is_of_rest));
+        page = page.with(with_figures(section, &|id| id.starts_with("allan")));
+        let is_beneath = |id: &str| ["rest", "density"].iter().any(|kind| id.starts_with(kind));
+        let further = PageSection::new("The record at rest, and the density of its noise").folded(true);
+        page = page.with(with_figures(further, &is_beneath));
     }
     for record in &found.records {
         let section =
