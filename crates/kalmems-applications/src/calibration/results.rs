@@ -13,7 +13,7 @@ use crate::config::TemperatureCurve;
 use crate::recording::RecordingSource;
 use crate::signal::Confident;
 use kalmems_core::Portable;
-use kalmems_engines::topics::{explained, link};
+use kalmems_engines::topics::{explained, link, warning_line};
 use kalmems_figures::{
     Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole,
     TextTable, guarded,
@@ -120,8 +120,7 @@ impl<'a> CalibrationSummary<'a> {
             parts.extend(tables_of(result).map(text_of));
             parts.extend(sentences(result).into_iter().map(|line| line + "\n"));
             parts.extend(result.not_observed.iter().map(not_observed));
-            let link = link("applications");
-            parts.extend(result.warnings.iter().map(|line| format!("WARNING: {line}{link}\n")));
+            parts.extend(warning_lines(&result.warnings));
         }
         parts.extend(together(self.comparisons, self.changes).map(text_of));
         let rests: Vec<&AxisAtRest> = self.rest.iter().map(|rest| rest.rest).collect();
@@ -130,7 +129,7 @@ impl<'a> CalibrationSummary<'a> {
             parts.push(quantities(record).to_text_within(columns));
             parts.extend(record.tables.iter().map(|table| table.to_text_within(columns)));
             parts.extend(record.not_observed.iter().map(not_observed));
-            parts.extend(record.warnings.iter().map(|line| format!("WARNING: {line}\n")));
+            parts.extend(warning_lines(&record.warnings));
         }
         let findings = self.findings.iter().map(|finding| {
             let is_motion = self.rest_motions.contains(finding);
@@ -139,6 +138,11 @@ impl<'a> CalibrationSummary<'a> {
         parts.extend(findings);
         parts.join("\n")
     }
+}
+
+/// Warnings for a terminal; the page has them in full.
+fn warning_lines(warnings: &[String]) -> impl Iterator<Item = String> + '_ {
+    warnings.iter().map(|warning| warning_line(warning, "applications") + "\n")
 }
 
 /// The budget of a result, and what else it has in tables.
@@ -169,7 +173,12 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
         ColumnHead::number("bias", "rad/s"),
         ColumnHead::number("±", "rad/s"),
     ];
-    let mut table = TextTable::new("Scale factors, gyroscope by reference", columns);
+    let mut table = TextTable::new("Scale factors, gyroscope by reference", columns).with_expendable(&[
+        "with intercept",
+        "crest to trough",
+        "to the first reference",
+        "by the records alone",
+    ]);
     for result in results {
         if result.withheld.is_some() {
             let mut row = vec![

@@ -7,6 +7,7 @@ use crate::drawing::notes::quantity;
 use crate::figure::{Figure, Panel, Series};
 use crate::page::{Explanation, NoticeSeverity, Page, PageBlock, PagePart, PageSection};
 use crate::table::{ColumnHead, TextTable};
+use crate::text::first_clause;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use minijinja::{Environment, Value, context};
@@ -162,12 +163,6 @@ impl PageSection {
     }
 }
 
-/// The beginning of a notice, up to where it goes into particulars.
-fn brief(text: &str) -> &str {
-    let ends = ["; ", ". "].iter().filter_map(|end| text.find(end));
-    ends.min().and_then(|end| text.get(..end)).unwrap_or(text)
-}
-
 /// Plain text as HTML, in which none of its letters is a mark.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
@@ -264,7 +259,7 @@ impl PageNumbering {
             let name = format!("warning-{}", self.anchors);
             let severity = severity.class();
             self.warnings
-                .push(context! { anchor => name.as_str(), text => with_code(brief(text)), severity });
+                .push(context! { anchor => name.as_str(), text => with_code(first_clause(text)), severity });
             anchor = Some(name);
         }
         context! { kind => "notice", severity => severity.class(), word, text => with_code(text), anchor }

@@ -8,8 +8,8 @@ use crate::evaluate::{
     StepErrors, TestResult, nis,
 };
 use crate::inspect::{fitting_unit, quantity};
-use crate::topics::{link, topic};
-use kalmems_figures::{ColumnHead, NoticeSeverity, TextTable, significant};
+use crate::topics::{SHORT, link, topic};
+use kalmems_figures::{ColumnHead, NoticeSeverity, TextTable, cut_to, first_clause, significant};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use std::fmt;
 
@@ -33,9 +33,6 @@ pub struct Notice {
     /// What follows it in brackets: the number of further findings, and the command that explains it.
     tail: String,
 }
-
-/// Characters of a warning or failure in short.
-const SHORT: usize = 140;
 
 /// Characters of the names of filters of which the same is said, from which on the first is named and the others are counted.
 const NAMES: usize = 40;
@@ -72,9 +69,7 @@ impl Notice {
         let command = topic(self.topic).map(|topic| format!("`{}`", topic.command()));
         let tail = more.into_iter().chain(command).collect::<Vec<String>>().join("; ");
         let tail = if tail.is_empty() { tail } else { format!(" ({tail})") };
-        let clause = ["; ", ". "].iter().filter_map(|end| self.text.find(end)).min();
-        let clause = clause.and_then(|end| self.text.get(..end)).unwrap_or(&self.text);
-        let text = if self.brief.is_empty() { clause.to_owned() } else { self.brief.clone() };
+        let text = if self.brief.is_empty() { first_clause(&self.text) } else { &self.brief }.to_owned();
         Self { text, tail, topic: "", ..self }
     }
 
@@ -89,11 +84,7 @@ impl Notice {
         }
         let length = |text: &str| text.chars().count();
         let room = SHORT.saturating_sub(length(&self.to_string()) - length(&self.text));
-        if length(&self.text) > room {
-            let kept: String = self.text.chars().take(room.saturating_sub(2)).collect();
-            let kept = kept.rsplit_once(' ').map_or(kept.as_str(), |(kept, _)| kept);
-            self.text = format!("{} …", kept.trim_end_matches([',', ':', ' ']));
-        }
+        self.text = cut_to(&self.text, room);
     }
 }
 
@@ -723,7 +714,8 @@ pub fn budget_table(metrics: &Metrics) -> Option<TextTable> {
     let mut table = TextTable::new(
         "What the claimed uncertainty is due to",
         segment.into_iter().chain(words).chain(numbers),
-    );
+    )
+    .with_expendable(&["the recording tells it to", "claimed of"]);
     let estimators =
         segments().flat_map(|(name, own)| own.estimators.iter().map(move |one| (name.clone(), one)));
     for (segment, estimator) in estimators {

@@ -6,7 +6,7 @@ use crate::inspect::{fitting_unit, quantity};
 use crate::recording::RecordingSource;
 use crate::results::{Output, ResultWriteError, way_from};
 use crate::results::{RunInfo, RunTiming};
-use crate::topics::{explained, link, topic};
+use crate::topics::{explained, link, topic, warning_line};
 use kalmems_core::Portable;
 use kalmems_figures::{
     ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant,
@@ -86,7 +86,7 @@ impl<'a> IdentificationSummary<'a> {
                 &format!("\n{}: most correlated: {a} and {b}, {:+.3}\n", pair.recording, pair.correlation);
         }
         for warning in self.warnings {
-            text += &format!("\nWARNING: {warning}\n");
+            text += &format!("\n{}\n", warning_line(warning, "identified"));
         }
         for one in self.undetermined {
             text += &format!("\nnot determined: {}: {}\n", one.what, one.why);
