@@ -195,6 +195,17 @@ pub struct Series {
     record: Option<Arc<Record>>,
     place: Option<SamplesPlace>,
     links: Vec<SeriesLink>,
+    colour_place: Option<usize>,
+    written: Vec<WrittenPoint>,
+}
+
+/// A text that stands in the panel next to a point.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct WrittenPoint {
+    /// The point.
+    pub(crate) at: [f64; 2],
+    /// The text.
+    pub(crate) text: String,
 }
 
 /// A point of a series, or a cell of a map, that leads to another part of the page.
@@ -285,6 +296,8 @@ impl Series {
             record: None,
             place: None,
             links: Vec::new(),
+            colour_place: None,
+            written: Vec::new(),
             shape: Shape::Map(grid),
         }
     }
@@ -324,6 +337,25 @@ impl Series {
         self
     }
 
+    /// Has the colour of this place among the free ones, in every panel the same, whatever its role.
+    #[must_use]
+    pub fn of_colour(mut self, place: usize) -> Self {
+        self.colour_place = Some(place);
+        self
+    }
+
+    /// Separate points, each with a text next to it: above the first, below the second, and so on.
+    pub fn written(
+        label: impl Into<String>,
+        role: SeriesRole,
+        points: impl IntoIterator<Item = (f64, f64, String)>,
+    ) -> Self {
+        let written = points.into_iter().map(|(x, y, text)| WrittenPoint { at: [x, y], text });
+        let written: Vec<WrittenPoint> = written.collect();
+        let points = written.iter().map(|one| (one.at[0], one.at[1]));
+        Self { written: written.clone(), ..Self::points(label, role, points) }
+    }
+
     fn reduced<T>(
         (label, role, record): (String, SeriesRole, Option<Arc<Record>>),
         data: DecimatedSignal<T>,
@@ -339,6 +371,8 @@ impl Series {
             record,
             place: None,
             links: Vec::new(),
+            colour_place: None,
+            written: Vec::new(),
             shape: shape(data.runs),
         }
     }
@@ -351,6 +385,11 @@ impl Series {
     /// What it stands for.
     pub fn role(&self) -> SeriesRole {
         self.role
+    }
+
+    /// The place of its colour among the free ones, where that is stated.
+    pub(crate) fn colour_place(&self) -> Option<usize> {
+        self.colour_place
     }
 
     /// What is left to draw.
@@ -380,6 +419,11 @@ impl Series {
     /// Where all of its samples are, beside a page.
     pub(crate) fn place(&self) -> Option<&SamplesPlace> {
         self.place.as_ref()
+    }
+
+    /// Its texts in the panel.
+    pub(crate) fn texts(&self) -> &[WrittenPoint] {
+        &self.written
     }
 
     /// Where it leads to.

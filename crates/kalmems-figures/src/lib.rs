@@ -51,4 +51,4 @@ pub use record::{BandCentre, SampledQuantity, Track};
 pub use significant::{number, significant, with_short_numbers};
 pub use style::SeriesStyle;
 pub use table::{ColumnHead, TextTable};
-pub use text::unit_sign;
+pub use text::{cut_to, first_clause, unit_sign};

@@ -69,6 +69,8 @@ pub struct PageSection {
     pub time_base: String,
     /// Whether it is folded away, with its heading, until a reader asks for it.
     pub is_folded: bool,
+    /// The tab in which it stands; empty for none. All tabs of a page stand where the first of their sections does, one of them in sight.
+    pub tab: String,
     /// From top to bottom.
     pub blocks: Vec<PageBlock>,
 }
@@ -162,7 +164,8 @@ impl Page {
     /// Adds a section.
     #[must_use]
     pub fn with(mut self, section: PageSection) -> Self {
-        self.sections.push(section);
+        let is_verdict = section.part == PagePart::Verdict;
+        self.sections.push(if is_verdict { section.with_a_box_for_each_severity() } else { section });
         self
     }
 
@@ -178,7 +181,7 @@ impl PageSection {
     /// A section without content yet.
     pub fn new(title: impl Into<String>) -> Self {
         let (part, time_base, blocks) = (PagePart::default(), String::new(), Vec::new());
-        Self { title: title.into(), part, time_base, is_folded: false, blocks }
+        Self { title: title.into(), part, time_base, is_folded: false, tab: String::new(), blocks }
     }
 
     /// How a page was made: by which command, by which version, and the files beside it in words.
@@ -199,6 +202,40 @@ impl PageSection {
     #[must_use]
     pub fn of_time(mut self, base: impl Into<String>) -> Self {
         self.time_base = base.into();
+        self
+    }
+
+    /// With one box for all notices of the same severity where the first notice is, the worst first.
+    fn with_a_box_for_each_severity(mut self) -> Self {
+        let is_notice =
+            |block: &PageBlock| matches!(block, PageBlock::Notice { .. } | PageBlock::Findings { .. });
+        let first = self.blocks.iter().position(is_notice);
+        let (notices, mut blocks): (Vec<PageBlock>, Vec<PageBlock>) =
+            self.blocks.into_iter().partition(is_notice);
+        let mut boxes: Vec<(NoticeSeverity, Vec<String>)> = Vec::new();
+        for notice in notices {
+            let (severity, texts) = match notice {
+                PageBlock::Notice { severity, text } => (severity, vec![text]),
+                PageBlock::Findings { severity, texts } => (severity, texts),
+                _ => continue,
+            };
+            match boxes.iter_mut().find(|(known, _)| *known == severity) {
+                Some((_, own)) => own.extend(texts),
+                None => boxes.push((severity, texts)),
+            }
+        }
+        boxes.sort_by_key(|(severity, _)| std::cmp::Reverse(*severity));
+        let boxes = boxes.into_iter().map(|(severity, texts)| PageBlock::Findings { severity, texts });
+        let first = first.unwrap_or(blocks.len());
+        blocks.splice(first..first, boxes);
+        self.blocks = blocks;
+        self
+    }
+
+    /// Puts it into the tab of this name.
+    #[must_use]
+    pub fn in_tab(mut self, name: impl Into<String>) -> Self {
+        self.tab = name.into();
         self
     }
 

@@ -66,7 +66,7 @@ fn colour_of(role: SeriesRole) -> Option<Colour> {
 ///
 /// The first line of a role has its colour and each further one the next that is free. A band has the colour
 /// of the line of the same role that it belongs to: the first band that of the first line. A series without a
-/// label goes with the one of its role before it.
+/// label goes with the one of its role before it. One that states the place of its colour has that.
 pub(crate) fn colours(series: &[Series]) -> Vec<Colour> {
     let mut used: Vec<Colour> = series.iter().filter_map(|s| colour_of(s.role())).collect();
     let mut assigned: Vec<(SeriesRole, Vec<Colour>)> = Vec::new();
@@ -74,6 +74,9 @@ pub(crate) fn colours(series: &[Series]) -> Vec<Colour> {
     series
         .iter()
         .map(|s| {
+            if let Some(place) = s.colour_place() {
+                return FREE[place % FREE.len()];
+            }
             let is_band = matches!(s.shape(), Shape::Band(_));
             let nth = nth(&mut counts, s.role(), is_band, s.label().trim().is_empty());
             let place = assigned.iter().position(|(role, _)| *role == s.role()).unwrap_or_else(|| {
@@ -213,6 +216,8 @@ mod tests {
         let unnamed = || Series::band("", Other, [(0.0, 0.0, 1.0)]);
         let banded = colours(&[line(Other), unnamed(), line(Other), unnamed()]);
         assert!(banded[0] == banded[1] && banded[2] == banded[3] && banded[1] != banded[2]);
+        let stated = colours(&[line(Other), line(Estimate).of_colour(1), band(Other).of_colour(1)]);
+        assert_eq!(stated[1..], [VERMILION, VERMILION]);
         let many = colours(&vec![line(Other); 20]);
         assert_eq!(many.len(), 20);
         assert!(many.windows(2).all(|pair| pair[0] != pair[1]));

@@ -144,8 +144,8 @@ impl TextTable {
         self.to_text_within(usize::MAX)
     }
 
-    /// The same in lines of at most so many characters, if there is room for a word of each column. Heads are wrapped first; then columns
-    /// are left out, as [`with_expendable`](Self::with_expendable) has them, and named below; then the cells of words are wrapped.
+    /// The same in lines of at most so many characters, if two columns have room in them. Heads are wrapped first; then columns are left out, as
+    /// [`with_expendable`](Self::with_expendable) has them and then the last ones, and named below; then the cells of words are wrapped.
     pub fn to_text_within(&self, columns: usize) -> String {
         crate::text_table::written(self, columns)
     }

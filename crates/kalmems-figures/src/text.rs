@@ -16,6 +16,22 @@ pub(crate) fn escape(text: &str) -> String {
     out
 }
 
+/// The first clause of a finding, up to where it goes into particulars.
+pub fn first_clause(text: &str) -> &str {
+    let ends = ["; ", ". "].iter().filter_map(|end| text.find(end));
+    ends.min().and_then(|end| text.get(..end)).unwrap_or(text)
+}
+
+/// A text of at most so many characters; a longer one ends with "…" after a whole word.
+pub fn cut_to(text: &str, room: usize) -> String {
+    if text.chars().count() <= room {
+        return text.to_owned();
+    }
+    let kept: String = text.chars().take(room.saturating_sub(2)).collect();
+    let kept = kept.rsplit_once(' ').map_or(kept.as_str(), |(kept, _)| kept);
+    format!("{} …", kept.trim_end_matches([',', ':', ' ']))
+}
+
 /// The character itself, or U+FFFD for one that controls a terminal or is none.
 pub(crate) fn printable(c: char) -> char {
     if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') { '\u{fffd}' } else { c }

@@ -5,6 +5,8 @@ use crate::text::printable;
 
 /// Between two columns.
 const GAP: usize = 2;
+/// Columns that stay where others have no room.
+const VERDICTS: [&str; 2] = ["verdict", "agrees"];
 /// A column of words is not made narrower than this.
 const NARROW: usize = 10;
 
@@ -21,6 +23,11 @@ pub(crate) fn written(table: &TextTable, limit: usize) -> String {
         }
         let place = columns.iter().position(|column| column.label == *label);
         left_out.extend(place.map(|place| columns.remove(place).whole_head));
+    }
+    // As many as have room with cells of words as narrow as they may be; the last ones go first.
+    while columns.len() > 2 && narrowest(&columns) > limit {
+        let place = columns.iter().rposition(|column| !column.is_verdict).unwrap_or(columns.len() - 1);
+        left_out.push(columns.remove(place).whole_head);
     }
     while width(&columns) > limit {
         let words = columns.iter_mut().filter(|column| !column.is_numeric && column.width > NARROW);
@@ -57,6 +64,7 @@ struct PrintedColumn {
     head: Vec<String>,
     cells: Vec<String>,
     is_numeric: bool,
+    is_verdict: bool,
     width: usize,
 }
 
@@ -68,7 +76,8 @@ impl PrintedColumn {
         let width = cells.iter().chain([&whole_head]).map(|text| length(text)).max().unwrap_or(0);
         let label = table.columns.get(column).map_or_else(String::new, |head| head.label.clone());
         let is_numeric = table.is_numeric(column);
-        Self { label, head: vec![whole_head.clone()], whole_head, cells, is_numeric, width }
+        let is_verdict = VERDICTS.contains(&label.as_str());
+        Self { label, head: vec![whole_head.clone()], whole_head, cells, is_numeric, is_verdict, width }
     }
 
     /// Over several lines, as wide as its longest word or its widest cell.
@@ -86,6 +95,12 @@ impl PrintedColumn {
 
 fn width(columns: &[PrintedColumn]) -> usize {
     columns.iter().map(|column| column.width).sum::<usize>() + GAP * columns.len().saturating_sub(1)
+}
+
+/// The width with each column of words as narrow as it may be.
+fn narrowest(columns: &[PrintedColumn]) -> usize {
+    let of = |column: &PrintedColumn| if column.is_numeric { column.width } else { column.width.min(NARROW) };
+    columns.iter().map(of).sum::<usize>() + GAP * columns.len().saturating_sub(1)
 }
 
 /// Cells next to one another, over as many lines as the longest has.
@@ -185,5 +200,19 @@ mod tests {
             );
         }
         assert_eq!(table.to_text_within(200), table.to_text());
+    }
+
+    #[test]
+    fn without_a_stated_order_the_last_columns_go_first_and_the_verdict_stays() {
+        let heads = ["a", "b", "c", "d", "e"].map(|head| ColumnHead::number(head, ""));
+        let table = TextTable::new("", heads.into_iter().chain([ColumnHead::text("verdict")]));
+        let table =
+            table.row(["1234567890", "1234567890", "1234567890", "1234567890", "1234567890", "doubtful"]);
+        let narrow = table.to_text_within(40);
+        assert!(narrow.starts_with("         a           b  verdict\n"), "{narrow}");
+        assert!(
+            narrow.ends_with("(without the columns e, d, c, for which the terminal is too narrow)\n"),
+            "{narrow}"
+        );
     }
 }

@@ -13,7 +13,7 @@ use crate::calibration::file::CertificateDetails;
 use crate::metrology::{Input, coverage_probability};
 use crate::recording::RecordingSource;
 use kalmems_engines::topics::link;
-use kalmems_figures::{ColumnHead, Figure, NoticeSeverity, Page, PageSection, TextTable};
+use kalmems_figures::{ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, TextTable};
 use serde::Serialize;
 
 /// The version of the JSON.
@@ -26,6 +26,8 @@ pub struct Certificate<'a> {
     pub schema_version: u32,
     /// The calibration's name.
     pub name: &'a str,
+    /// What was asked for, a sentence for each of the first results with its expanded uncertainty.
+    pub answer: Vec<String>,
     /// What the operator states, key by key; `null` where that is not stated.
     pub stated: Vec<(&'static str, Option<&'a str>)>,
     /// How it was calibrated.
@@ -162,6 +164,13 @@ impl CertifiedValue {
         with_uncertainty(factor * self.value, factor * self.expanded_uncertainty)
     }
 
+    /// The value with U in another unit, and the probability with which the interval holds the value.
+    fn in_words(&self, factor: f64, unit: &str) -> String {
+        let [value, expanded] = self.reported(factor);
+        let space = if unit.is_empty() { "" } else { " " };
+        format!("{value} ± {expanded}{space}{unit} ({:.0} %)", 100.0 * self.coverage_probability)
+    }
+
     /// Degrees of freedom as they are reported.
     fn reported_freedom(&self) -> String {
         self.degrees_of_freedom.filter(|nu| *nu < 1e6).map_or_else(|| "∞".to_owned(), |nu| format!("{nu:.0}"))
@@ -204,24 +213,21 @@ impl<'a> Certificate<'a> {
             axis: rest.axis,
             bias: CertifiedValue::of(&rest.bias_estimate(), details),
         });
+        let bias: Vec<CertifiedBias> = bias.collect();
+        let of_record = |record: &'a RecordOutcome| {
+            record.quantities.iter().map(move |quantity| certified_quantity(record, quantity, details))
+        };
+        let quantities: Vec<CertifiedQuantity> = found.records.iter().flat_map(of_record).collect();
         let validity = validity(found);
         Self {
             schema_version: SCHEMA_VERSION,
             name: found.file.name.as_str(),
+            answer: answer(&results, &quantities, &bias),
             stated,
             method: method(found),
             results,
-            bias: bias.collect(),
-            quantities: found
-                .records
-                .iter()
-                .flat_map(|record| {
-                    record
-                        .quantities
-                        .iter()
-                        .map(move |quantity| certified_quantity(record, quantity, details))
-                })
-                .collect(),
+            bias,
+            quantities,
             comparisons: &found.comparisons,
             valid: validity.iter().all(|check| check.passes) && not_stated.is_empty(),
             validity,
@@ -230,6 +236,34 @@ impl<'a> Certificate<'a> {
             software: format!("kalmems {}", env!("CARGO_PKG_VERSION")),
         }
     }
+}
+
+/// Results that a calibration names before its tables.
+const ANSWERED: usize = 4;
+
+/// What was asked for, a sentence each: scale factors, then the quantities of the records, then the biases at rest; of many the first.
+fn answer(
+    results: &[CertifiedResult],
+    quantities: &[CertifiedQuantity],
+    bias: &[CertifiedBias],
+) -> Vec<String> {
+    let scales = results.iter().map(|result| {
+        let place = format!("scale factor {}, {}, {}", result.axis, result.condition, result.reference);
+        let found = result.scale_factor.map(|value| value.in_words(1.0, ""));
+        format!("{place}: {}", found.as_deref().unwrap_or("withheld"))
+    });
+    let others = quantities.iter().map(|one| {
+        let QuantityUnit { factor, shown, .. } = one.shown;
+        format!("{}: {}", one.name.replace('_', " "), one.value.in_words(factor, shown))
+    });
+    let rests =
+        bias.iter().map(|one| format!("bias at rest {}: {}", one.axis, one.bias.in_words(1e3, "mrad/s")));
+    let mut all: Vec<String> = scales.chain(others).chain(rests).collect();
+    if let Some(more) = all.len().checked_sub(ANSWERED).filter(|more| *more > 0) {
+        all.truncate(ANSWERED);
+        all.push(format!("{more} further results are in the tables"));
+    }
+    all
 }
 
 fn certified_quantity<'a>(
@@ -434,30 +468,11 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
         _ => "Calibration certificate".to_owned(),
     };
     let mut page = Page::new(title, found.file.description.clone().unwrap_or_default());
+    page = page.with(answer_section(certificate));
     let entries = certificate.stated.iter().filter(|(key, _)| *key != "number");
     let entries =
         entries.map(|(key, text)| (heading(key).to_owned(), text.unwrap_or("not stated").to_owned()));
-    let mut what = PageSection::new("Item, customer and laboratory").key_values(entries);
-    if !certificate.not_stated.is_empty() {
-        let missing = certificate.not_stated.join(", ");
-        what = what
-            .notice(NoticeSeverity::Warning, format!("A draft, not a certificate. Not stated: {missing}"));
-    }
-    if !certificate.valid {
-        let failed = certificate.validity.iter().filter(|check| !check.passes);
-        for check in failed {
-            what = what.notice(
-                NoticeSeverity::Failure,
-                format!(
-                    "Not to be issued. This check fails: {}: {}{}",
-                    check.what,
-                    check.found,
-                    link("applications")
-                ),
-            );
-        }
-    }
-    page = page.with(what);
+    page = page.with(PageSection::new("Item, customer and laboratory").key_values(entries));
     let words = uncertainty_words(&found.file.certificate);
     if !certificate.results.is_empty() {
         page = page.with(
@@ -509,6 +524,22 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
         ("Signature", ""),
         ("Date", ""),
     ]))
+}
+
+/// The results in sentences, and why they are not to be issued as a certificate, if they are not.
+fn answer_section(certificate: &Certificate) -> PageSection {
+    let failed = certificate.validity.iter().filter(|check| !check.passes);
+    let failed = failed.map(|check| {
+        let explained = link("applications");
+        format!("Not to be issued. This check fails: {}: {}{explained}", check.what, check.found)
+    });
+    let missing = certificate.not_stated.join(", ");
+    let draft = (!missing.is_empty()).then(|| format!("A draft, not a certificate. Not stated: {missing}"));
+    let section = PageSection::new("Answer").part(PagePart::Verdict);
+    let section = certificate.answer.iter().fold(section, PageSection::paragraph);
+    section
+        .findings(NoticeSeverity::Failure, failed.collect())
+        .findings(NoticeSeverity::Warning, draft.into_iter().collect())
 }
 
 /// The checks of a calibration, and the numbers that its records do not show.

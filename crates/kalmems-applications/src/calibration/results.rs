@@ -6,14 +6,14 @@ use super::compensation_sources::{header, rust_module};
 use super::noise_yaml::noise_yaml;
 use crate::WriteError;
 use crate::calibration::{
-    AXES, AxisAtRest, CalibratedGyroscope, CalibratedQuantity, Calibration, CalibrationError,
-    GyroscopeCalibration, InertialSensor, QuantityUnit, RecordOutcome, ScaleFactorChange, UncertainEstimate,
+    AXES, AxisAtRest, CalibratedGyroscope, Calibration, CalibrationError, GyroscopeCalibration,
+    InertialSensor, NoiseFit, QuantityUnit, RecordOutcome, ScaleFactorChange, UncertainEstimate,
 };
 use crate::config::TemperatureCurve;
 use crate::recording::RecordingSource;
 use crate::signal::Confident;
 use kalmems_core::Portable;
-use kalmems_engines::topics::{explained, link};
+use kalmems_engines::topics::{explained, link, warning_line};
 use kalmems_figures::{
     Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole,
     TextTable, guarded,
@@ -27,6 +27,8 @@ use std::io::{self, Write};
 pub struct CalibrationSummary<'a> {
     /// The calibration's name.
     pub name: String,
+    /// What was asked for, as the certificate has it: a sentence for each of the first results.
+    pub answer: Vec<String>,
     /// Each condition with each reference.
     pub results: &'a [CalibratedGyroscope],
     /// Changes between conditions.
@@ -87,6 +89,7 @@ impl<'a> CalibrationSummary<'a> {
         });
         Self {
             name: found.file.name.to_string(),
+            answer: Certificate::of(found).answer,
             results: &found.results,
             changes: &found.changes,
             comparisons: &found.comparisons,
@@ -95,44 +98,6 @@ impl<'a> CalibrationSummary<'a> {
             findings: &found.findings,
             rest_motions: &found.rest_motions,
         }
-    }
-
-    /// What was asked for, a sentence each: scale factors; else the first quantities of the records; else the biases at rest.
-    pub fn answer(&self) -> Vec<String> {
-        let scales = self.results.iter().map(|result| {
-            let found = &result.scale_factor;
-            let place =
-                format!("scale factor {}, {}, {}", AXES[result.main], result.condition, result.reference);
-            if result.withheld.is_some() {
-                return format!("{place}: withheld");
-            }
-            let [value, expanded] = with_uncertainty(found.value, found.expanded());
-            format!("{place}: {value} ± {expanded} (95 %)")
-        });
-        let quantities = self.unit_records.iter().flat_map(|record| {
-            let of = |quantity: &CalibratedQuantity| {
-                let QuantityUnit { factor, shown, .. } = quantity.unit;
-                let found = &quantity.estimate;
-                let [value, expanded] = with_uncertainty(factor * found.value, factor * found.expanded());
-                format!("{}: {value} ± {expanded} {shown} (95 %)", quantity.name.replace('_', " "))
-            };
-            record.quantities.iter().map(of)
-        });
-        let rests = self.rest.iter().map(|RestSummary { rest, .. }| {
-            let found = rest.bias_estimate();
-            let [value, expanded] = with_uncertainty(1e3 * found.value, 1e3 * found.expanded());
-            format!(
-                "bias at rest {}: {value} ± {expanded} m{} (95 %)",
-                rest.sensor.axis(rest.axis),
-                rest.sensor.unit()
-            )
-        });
-        let mut all: Vec<String> = scales.chain(quantities).chain(rests).collect();
-        if let Some(more) = all.len().checked_sub(ANSWERED).filter(|more| *more > 0) {
-            all.truncate(ANSWERED);
-            all.push(format!("{more} further results are in the tables"));
-        }
-        all
     }
 
     /// For a terminal.
@@ -145,9 +110,8 @@ impl<'a> CalibrationSummary<'a> {
         let not_observed = |line: &String| format!("not observed: {line}\n");
         let text_of = |table: TextTable| table.to_text_within(columns);
         let mut parts: Vec<String> = Vec::new();
-        let answer = self.answer();
-        if !answer.is_empty() {
-            parts.push(answer.join("\n") + "\n");
+        if !self.answer.is_empty() {
+            parts.push(self.answer.join("\n") + "\n");
         }
         if !self.results.is_empty() {
             parts.push(scale_factors(self.results).to_text_within(columns));
@@ -156,8 +120,7 @@ impl<'a> CalibrationSummary<'a> {
             parts.extend(tables_of(result).map(text_of));
             parts.extend(sentences(result).into_iter().map(|line| line + "\n"));
             parts.extend(result.not_observed.iter().map(not_observed));
-            let link = link("applications");
-            parts.extend(result.warnings.iter().map(|line| format!("WARNING: {line}{link}\n")));
+            parts.extend(warning_lines(&result.warnings));
         }
         parts.extend(together(self.comparisons, self.changes).map(text_of));
         let rests: Vec<&AxisAtRest> = self.rest.iter().map(|rest| rest.rest).collect();
@@ -166,7 +129,7 @@ impl<'a> CalibrationSummary<'a> {
             parts.push(quantities(record).to_text_within(columns));
             parts.extend(record.tables.iter().map(|table| table.to_text_within(columns)));
             parts.extend(record.not_observed.iter().map(not_observed));
-            parts.extend(record.warnings.iter().map(|line| format!("WARNING: {line}\n")));
+            parts.extend(warning_lines(&record.warnings));
         }
         let findings = self.findings.iter().map(|finding| {
             let is_motion = self.rest_motions.contains(finding);
@@ -177,8 +140,10 @@ impl<'a> CalibrationSummary<'a> {
     }
 }
 
-/// Results that a calibration names before its tables.
-const ANSWERED: usize = 4;
+/// Warnings for a terminal; the page has them in full.
+fn warning_lines(warnings: &[String]) -> impl Iterator<Item = String> + '_ {
+    warnings.iter().map(|warning| warning_line(warning, "applications") + "\n")
+}
 
 /// The budget of a result, and what else it has in tables.
 fn tables_of(result: &CalibratedGyroscope) -> impl Iterator<Item = TextTable> {
@@ -208,7 +173,12 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
         ColumnHead::number("bias", "rad/s"),
         ColumnHead::number("±", "rad/s"),
     ];
-    let mut table = TextTable::new("Scale factors, gyroscope by reference", columns);
+    let mut table = TextTable::new("Scale factors, gyroscope by reference", columns).with_expendable(&[
+        "with intercept",
+        "crest to trough",
+        "to the first reference",
+        "by the records alone",
+    ]);
     for result in results {
         if result.withheld.is_some() {
             let mut row = vec![
@@ -760,7 +730,8 @@ fn of_rest(rests: &[&AxisAtRest], sensor: InertialSensor) -> Figure {
         allan_id(sensor),
         "At rest",
         "Allan's deviation, overlapping, with the interval that holds the true one 95 times in 100, and the noise that was fitted to it: \
-         quantisation, white noise behind a low pass, flicker and a random walk.",
+         quantisation, white noise after a low pass, flicker and a random walk. N, B and K are its random walk of the angle or velocity, its bias \
+         instability, and its random walk of the rate or acceleration; \"<\" is the upper end of an interval from 0 on.",
     );
     let (factor, _) = sensor.shown();
     let shown = |size: f64| factor * size;
@@ -791,12 +762,43 @@ fn of_rest(rests: &[&AxisAtRest], sensor: InertialSensor) -> Figure {
                     line.collect::<Vec<_>>(),
                 ));
             }
+            let times: Vec<f64> = holds().collect();
+            panel = panel.with(Series::written(
+                "",
+                SeriesRole::Model,
+                written_terms(rest, fit, &times)
+                    .map(|(time_s, text)| (time_s, shown(fit.deviation(time_s)), text)),
+            ));
         }
         if let Some([bias, _]) = rest.bias_instability {
             let floor = shown(bias * super::noise_model::FLOOR.sqrt());
             panel = panel.with(Series::level("floor of the bias instability", SeriesRole::Bound, floor));
         }
         figure.with(panel)
+    })
+}
+
+/// Random walk N, bias instability B and rate random walk K with their values, each at the averaging time at which it has its largest share of
+/// the fitted variance; of one whose interval begins at 0 the upper end.
+fn written_terms<'a>(
+    rest: &AxisAtRest,
+    fit: &'a NoiseFit,
+    times_s: &'a [f64],
+) -> impl Iterator<Item = (f64, String)> + 'a {
+    /// How the deviation of each goes with the averaging time.
+    const COURSES: [(&str, fn(f64) -> f64); 3] =
+        [("N", |time_s| time_s.sqrt().recip()), ("B", |_| 1.0), ("K", f64::sqrt)];
+    let terms = rest.noise_terms();
+    COURSES.into_iter().zip(terms).filter_map(move |((symbol, course), term)| {
+        let (factor, unit) = term.shown;
+        let text = match (term.value, term.interval) {
+            (Some(value), _) => format!("{symbol} = {} {unit}", three_digits(factor * value)),
+            (None, Some([_, high])) => format!("{symbol} < {} {unit}", three_digits(factor * high)),
+            (None, None) => return None,
+        };
+        let share = |time_s: f64| course(time_s) / fit.deviation(time_s);
+        let times = times_s.iter().copied();
+        Some((times.max_by(|a, b| share(*a).total_cmp(&share(*b)))?, text))
     })
 }
 
@@ -1022,16 +1024,23 @@ pub(super) fn noted(section: PageSection, lines: impl IntoIterator<Item = String
 fn page(found: &Calibration, figures: &[Figure]) -> Page {
     let subtitle = found.file.description.clone().unwrap_or_default();
     let mut page = Page::new(found.file.name.to_string(), subtitle);
-    if !found.results.is_empty() {
-        let mut section = PageSection::new("Verdict").part(PagePart::Verdict);
-        for result in &found.results {
-            for warning in &result.warnings {
-                let link = link("applications");
-                let text = format!("{}, {}: {warning}{link}", result.condition, result.reference);
-                section = section.notice(NoticeSeverity::Warning, text);
-            }
-        }
-        section = section.table(scale_factors(&found.results)).paragraph(
+    let link = link("applications");
+    let of_results = found.results.iter().flat_map(|result| {
+        let place = format!("{}, {}", result.condition, result.reference);
+        result.warnings.iter().map(move |warning| format!("{place}: {warning}"))
+    });
+    let of_records = found
+        .records
+        .iter()
+        .flat_map(|record| record.warnings.iter().map(move |warning| format!("{}: {warning}", record.title)));
+    let warnings = of_results.chain(of_records).map(|text| text + &link).collect();
+    let section = PageSection::new("Verdict").part(PagePart::Verdict);
+    let section = Certificate::of(found).answer.iter().fold(section, PageSection::paragraph);
+    let section = section.findings(NoticeSeverity::Warning, warnings);
+    if found.results.is_empty() && !section.blocks.is_empty() {
+        page = page.with(section);
+    } else if !found.results.is_empty() {
+        let section = section.table(scale_factors(&found.results)).paragraph(
             "Both instruments are fitted by sines of free frequency: each has its own clock. The interval has all that the \
              budget knows of; what nobody stated is not in it. Crest to trough is the published method, samples about the \
              turning points averaged; with an intercept, as printed, its errors are three to four times larger.",
@@ -1059,15 +1068,14 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     if !found.rest.is_empty() {
         let rests: Vec<&AxisAtRest> = found.rest.iter().collect();
         let section = at_rest(&rests).fold(PageSection::new("At rest"), PageSection::table);
-        let is_of_rest = |id: &str| ["rest", "allan", "density"].iter().any(|kind| id.starts_with(kind));
-        page = page.with(with_figures(section, &is_of_rest));
+        page = page.with(with_figures(section, &|id| id.starts_with("allan")));
+        let is_beneath = |id: &str| ["rest", "density"].iter().any(|kind| id.starts_with(kind));
+        let further = PageSection::new("The record at rest, and the density of its noise").folded(true);
+        page = page.with(with_figures(further, &is_beneath));
     }
     for record in &found.records {
         let section =
             PageSection::new(record.title.clone()).part(PagePart::Evidence).table(quantities(record));
-        let warned =
-            |section: PageSection, line: &String| section.notice(NoticeSeverity::Warning, line.clone());
-        let section = record.warnings.iter().fold(section, warned);
         let section = record.tables.iter().cloned().fold(section, PageSection::table);
         let section = with_not_observed(section, &record.not_observed);
         page = page.with(record.figures.iter().cloned().fold(section, PageSection::figure));

@@ -32,7 +32,7 @@ pub fn run(workbench: &Workbench, arguments: &EstimateArguments) -> Result<(), C
         print_json(&metrics)?;
     } else {
         let mut text = summary_text(&metrics, true, terminal::columns());
-        for notice in notices_in_short(&metrics, "the report has") {
+        for notice in notices_in_short(&metrics) {
             text += &format!("\n{notice}\n");
         }
         print(&text)?;

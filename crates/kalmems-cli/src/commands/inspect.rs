@@ -9,7 +9,7 @@ use kalmems::diagnose::step_cost;
 use kalmems::inspect::{StatedFile, inspect_stated};
 use kalmems::progress::ReaderProgress;
 use kalmems::recording::ReadError;
-use kalmems::results::{RunInfo, Work, draw_outlook, write_outlook};
+use kalmems::results::{AnsweredOutlook, RunInfo, Work, draw_outlook, write_outlook};
 use kalmems::rigs::{Workbench, sampling};
 use std::fmt::Display;
 use std::time::{Instant, SystemTime};
@@ -51,7 +51,8 @@ fn device(workbench: &Workbench, arguments: &InspectArguments) -> Result<(), Com
         target::finish(output)?;
         tell!("text, data and pictures in {}", out.display());
     }
-    print_result(arguments.json, &outlook, || outlook.to_text())
+    let answered = AnsweredOutlook::of(&outlook);
+    print_result(arguments.json, &answered, || answered.to_text())
 }
 
 /// What a recording holds.

@@ -3,7 +3,7 @@
 use crate::args::ReproduceArguments;
 use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{CommandEnding, print, print_json, target};
+use crate::{CommandEnding, print, print_json, target, terminal};
 use kalmems::results::{RunInfo, Work};
 use kalmems_papers::program::{
     Effort, ReproduceError, ReproductionSettings, checks_table, reproduce, summary_table, write_reproduction,
@@ -49,13 +49,13 @@ pub fn run(arguments: &ReproduceArguments) -> Result<(), CommandEnding> {
         for item in &reproduction.items {
             text += &format!("{}: {}\n", item.head.source(), item.head.title);
             text += &format!("{}; {}\n", item.verdict().words(), item.why());
-            text += &checks_table(item).to_text();
+            text += &checks_table(item).to_text_within(terminal::columns());
             for table in &item.tables {
-                text += &format!("\n{}", table.to_text());
+                text += &format!("\n{}", table.to_text_within(terminal::columns()));
             }
             text += "\n";
         }
-        print(&(text + &summary_table(&reproduction, false).to_text()))?;
+        print(&(text + &summary_table(&reproduction, false).to_text_within(terminal::columns())))?;
     }
     tell!("results in {}; open {}", out.display(), out.join("report.html").display());
     Ok(())

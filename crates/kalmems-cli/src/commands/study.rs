@@ -3,7 +3,7 @@
 use crate::args::{MergeArguments, StudyArguments};
 use crate::progress::ProgressDisplay;
 use crate::tell::tell;
-use crate::{CommandEnding, print, print_json, target};
+use crate::{CommandEnding, print, print_json, target, terminal};
 use kalmems::results::Output;
 use kalmems::rigs::Workbench;
 use kalmems::study::{Shard, StudyError, StudyOptions, StudyPlan};
@@ -80,7 +80,7 @@ fn report(plan: &StudyPlan, journals: &[PathBuf], output: Output, json: bool) ->
     if json {
         print_json(&summary)?;
     } else {
-        let mut text = format!("{summary}\n");
+        let mut text = summary.to_text_within(terminal::columns()) + "\n";
         for notice in summary.notices() {
             text += &format!("\n{notice}\n");
         }

@@ -33,9 +33,17 @@ fn the_examples_stiffness_is_found_and_the_experiment_that_is_written_passes() {
 
     let mended = std::fs::read_to_string(folder.path().join("mended.toml")).unwrap();
     assert_eq!(std::fs::read_to_string(folder.path().join("experiment.toml")).unwrap(), before);
-    // One value is another; comments and all else stay.
-    let differing = before.lines().zip(mended.lines()).filter(|(a, b)| a != b).count();
-    assert_eq!((differing, mended.lines().count()), (1, before.lines().count()));
+    // One value is another, and the description is said to be that of the file before; comments and all else stay.
+    let differing: Vec<&str> =
+        before.lines().zip(mended.lines()).filter(|(a, b)| a != b).map(|(_, b)| b).collect();
+    assert_eq!((differing.len(), mended.lines().count()), (2, before.lines().count()));
+    let description = mended.parse::<toml::Table>().unwrap()["description"].as_str().unwrap().to_owned();
+    let (corrected, earlier) = description.split_once(". Description of the file before that: ").unwrap();
+    assert!(
+        corrected
+            .starts_with("Corrected by `kalmems diagnose`: `device.shared_scanner.resonator.stiffness = ")
+    );
+    assert!(before.contains(&format!("description = \"{earlier}\"")), "{description}");
 
     for (file, code) in [("experiment.toml", Some(3)), ("mended.toml", Some(0))] {
         let judged = run(&["estimate", file, "--strict", "--out", &format!("out_{file}")], folder.path());

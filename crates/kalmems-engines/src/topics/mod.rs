@@ -1,7 +1,7 @@
 //! What a reader may ask about a result: explanations of verdicts and warnings, which `kalmems help TOPIC` prints and which reports have at
 //! their end.
 
-use kalmems_figures::{Explanation, Page};
+use kalmems_figures::{Explanation, Page, cut_to, first_clause};
 
 /// An explanation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,6 +78,16 @@ pub fn link(name: &str) -> String {
     topic(name).map_or_else(String::new, |topic| format!(" (`{}`)", topic.command()))
 }
 
+/// Characters of a warning on a terminal.
+pub const SHORT: usize = 140;
+
+/// A warning as a line of a terminal: its first clause, and the command that says what to do, in at most [`SHORT`] characters.
+pub fn warning_line(text: &str, name: &str) -> String {
+    let (mark, link) = ("WARNING: ", link(name));
+    let room = SHORT.saturating_sub(mark.len() + link.chars().count());
+    format!("{mark}{}{link}", cut_to(first_clause(text), room))
+}
+
 /// The topic of this name.
 pub fn topic(name: &str) -> Option<&'static Topic> {
     TOPICS.iter().find(|topic| topic.name == name)
@@ -87,6 +97,17 @@ pub fn topic(name: &str) -> Option<&'static Topic> {
 mod tests {
     use super::*;
     use std::path::Path;
+
+    #[test]
+    fn a_warning_is_a_line_with_the_command_that_says_what_to_do() {
+        let line = warning_line("the record is short; a longer one is better", "recordings");
+        assert_eq!(line, "WARNING: the record is short (`kalmems help recordings`)");
+        let long = warning_line(&"word ".repeat(50), "recordings");
+        assert!(
+            long.chars().count() <= SHORT && long.ends_with("word … (`kalmems help recordings`)"),
+            "{long}"
+        );
+    }
 
     #[test]
     fn every_topic_has_a_title_short_lines_and_a_chapter_that_is_there() {

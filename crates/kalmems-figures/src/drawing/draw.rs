@@ -10,7 +10,7 @@ use crate::drawing::layout::{
 use crate::drawing::map::{CellEdges, cells, contour};
 use crate::drawing::notes::notes;
 use crate::drawing::ruler::Ruler;
-use crate::figure::{AxisScale, Figure, MapGrid, Series, SeriesRole, Shape};
+use crate::figure::{AxisScale, Figure, MapGrid, Series, SeriesRole, Shape, WrittenPoint};
 use crate::scene::{Anchor, Colour, MarkGroup, Rect, Scene, SceneLink, SceneMark, Stroke};
 use crate::style::{self, BAND_OPACITY, FAINT_INK, FRAME, GRID, INK};
 
@@ -102,6 +102,7 @@ fn panel(place: &PanelPlace<'_>) -> Vec<MarkGroup> {
             empty &= group.marks.is_empty();
             groups.push(group);
         }
+        groups.push(written(place, &map));
         // Under so many samples a band can no longer be seen.
         if place.panel.series.iter().any(|s| s.thinning() != Thinning::None) {
             groups.push(band_edges(place, &colours, &map));
@@ -220,6 +221,29 @@ fn draw_series(series: &Series, colour: Colour, map: &PointMap) -> MarkGroup {
     map.hide_outside(&mut group);
     group
 }
+
+/// The texts next to points that are in sight: away from the nearer side of the frame, in turns above and below.
+fn written(place: &PanelPlace<'_>, map: &PointMap) -> MarkGroup {
+    let mut group = MarkGroup::new("written");
+    let texts = place.panel.series.iter().flat_map(|series| series.texts().iter().enumerate());
+    for (turn, WrittenPoint { at, text: words }) in texts {
+        let [x, y] = [map.x(at[0]), map.y(at[1])];
+        if !clip::holds(&map.frame, &[x, y]) {
+            continue;
+        }
+        let (aside, anchor) = if x < map.frame.left + 0.6 * map.frame.width {
+            (WRITTEN_ASIDE, Anchor::Start)
+        } else {
+            (-WRITTEN_ASIDE, Anchor::End)
+        };
+        let down = if turn % 2 == 0 { -WRITTEN_ASIDE } else { WRITTEN_ASIDE + 0.8 * LEGEND_SIZE };
+        group.marks.push(text([x + aside, y + down], words, LEGEND_SIZE, INK, anchor));
+    }
+    group
+}
+
+/// From a point to the text next to it.
+const WRITTEN_ASIDE: f64 = 6.0;
 
 /// Points as their role has them.
 fn dots(at: Vec<[f64; 2]>, role: SeriesRole, colour: Colour, radius: f64) -> SceneMark {

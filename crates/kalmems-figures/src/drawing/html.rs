@@ -7,6 +7,7 @@ use crate::drawing::notes::quantity;
 use crate::figure::{Figure, Panel, Series};
 use crate::page::{Explanation, NoticeSeverity, Page, PageBlock, PagePart, PageSection};
 use crate::table::{ColumnHead, TextTable};
+use crate::text::first_clause;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use minijinja::{Environment, Value, context};
@@ -37,6 +38,25 @@ impl Page {
         live.leaves_out_samples()
     }
 
+    /// The sections in the order of their parts; those in tabs all where the first of them is, tab by tab.
+    fn in_order(&self) -> Vec<&PageSection> {
+        let mut order: Vec<&PageSection> = self.sections.iter().collect();
+        order.sort_by_key(|section| section.part);
+        let first = order.iter().position(|section| !section.tab.is_empty());
+        let (mut order, mut in_tabs): (Vec<_>, Vec<_>) =
+            order.into_iter().partition(|section| section.tab.is_empty());
+        let mut names: Vec<&str> = Vec::new();
+        for section in &in_tabs {
+            if !names.contains(&section.tab.as_str()) {
+                names.push(&section.tab);
+            }
+        }
+        in_tabs.sort_by_key(|section| names.iter().position(|name| *name == section.tab));
+        let first = first.unwrap_or(order.len());
+        order.splice(first..first, in_tabs);
+        order
+    }
+
     /// The page as HTML, its sections in the order of [`PagePart`]. The same page gives the same bytes.
     ///
     /// Figures are still pictures, which a script replaces by plots that can be looked into: all samples where they are few, else
@@ -45,15 +65,23 @@ impl Page {
         let mut environment = Environment::new();
         // The ending tells that values are escaped.
         environment.add_template("page.html", TEMPLATE)?;
-        let mut order: Vec<&PageSection> = self.sections.iter().collect();
-        order.sort_by_key(|section| section.part);
+        let order = self.in_order();
+        let tab_at = |place: Option<usize>| {
+            let section = place.and_then(|place| order.get(place));
+            section.map_or("", |section| section.tab.as_str())
+        };
         let mut numbers = PageNumbering::default();
         let sections: Vec<Value> = (order.iter().enumerate())
             .map(|(index, section)| {
                 let blocks: Vec<Value> =
                     (0..section.blocks.len()).map(|place| numbers.block(section, place)).collect();
                 let anchor = format!("section-{}", index + 1);
-                context! { title => section.title.as_str(), anchor, is_folded => section.is_folded, blocks }
+                let (title, tab) = (section.title.as_str(), section.tab.as_str());
+                let [before, after] = [tab_at(index.checked_sub(1)), tab_at(Some(index + 1))];
+                let (begins_tab, ends_tab) = (before != tab, after != tab);
+                let (begins_tabs, ends_tabs) = (before.is_empty(), after.is_empty());
+                let is_folded = section.is_folded;
+                context! { title, anchor, is_folded, blocks, tab, begins_tab, ends_tab, begins_tabs, ends_tabs }
             })
             .collect();
         let named: Vec<&Explanation> = self
@@ -135,12 +163,6 @@ impl PageSection {
     }
 }
 
-/// The beginning of a notice, up to where it goes into particulars.
-fn brief(text: &str) -> &str {
-    let ends = ["; ", ". "].iter().filter_map(|end| text.find(end));
-    ends.min().and_then(|end| text.get(..end)).unwrap_or(text)
-}
-
 /// Plain text as HTML, in which none of its letters is a mark.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
@@ -150,12 +172,13 @@ pub fn escaped(text: &str) -> String {
         .replace('\'', "&#x27;")
 }
 
-/// Plain text as HTML, what stands in backticks as code.
+/// Plain text as HTML, what stands in backticks as code. No line ends between ± and its number.
 fn with_code(text: &str) -> Value {
+    let text = text.replace("± ", "±\u{a0}");
     let parts: Vec<&str> = text.split('`').collect();
     // One without a partner is no mark.
     if parts.len().is_multiple_of(2) {
-        return Value::from_safe_string(escaped(text));
+        return Value::from_safe_string(escaped(&text));
     }
     let html = parts.iter().enumerate().map(|(index, part)| {
         if index % 2 == 1 { format!("<code>{}</code>", escaped(part)) } else { escaped(part) }
@@ -236,7 +259,7 @@ impl PageNumbering {
             let name = format!("warning-{}", self.anchors);
             let severity = severity.class();
             self.warnings
-                .push(context! { anchor => name.as_str(), text => with_code(brief(text)), severity });
+                .push(context! { anchor => name.as_str(), text => with_code(first_clause(text)), severity });
             anchor = Some(name);
         }
         context! { kind => "notice", severity => severity.class(), word, text => with_code(text), anchor }
@@ -309,4 +332,53 @@ fn table_value(table: &TextTable) -> Value {
     // Rows that are led to can be many.
     let is_bounded = table.anchor(0).is_some();
     context! { kind => "table", caption => with_code(&table.caption), has_caption => !table.caption.is_empty(), heads, rows, is_cards, is_bounded }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn html(page: &Page) -> String {
+        let html = page.to_html().unwrap();
+        html.split_once("<main>").and_then(|(_, rest)| rest.split_once("</main>")).unwrap().0.to_owned()
+    }
+
+    #[test]
+    fn no_line_ends_between_a_sign_and_its_number() {
+        let section = PageSection::new("").paragraph("8.9 ± 0.1 deg").key_values([("x", "1 ± 2")]);
+        let html = html(&Page::new("", "").with(section));
+        assert!(html.contains("8.9 ±\u{a0}0.1 deg") && html.contains("1 ±\u{a0}2"), "{html}");
+    }
+
+    #[test]
+    fn a_verdict_has_a_box_for_each_severity() {
+        let verdict = PageSection::new("Verdict").part(PagePart::Verdict).paragraph("answer");
+        let verdict = [NoticeSeverity::Ok, NoticeSeverity::Warning, NoticeSeverity::Ok]
+            .into_iter()
+            .enumerate()
+            .fold(verdict, |verdict, (place, severity)| verdict.notice(severity, format!("finding {place}")));
+        let html = html(&Page::new("", "").with(verdict.paragraph("after")));
+        let places = ["answer", "finding 1", "finding 0", "finding 2", "after"].map(|text| html.find(text));
+        assert!(places.is_sorted() && places[0].is_some(), "{places:?}");
+        assert_eq!(html.matches("class=\"notice").count(), 2);
+    }
+
+    #[test]
+    fn tabs_stand_together_each_with_all_of_its_sections() {
+        let section = |title: &str, part: PagePart, tab: &str| PageSection::new(title).part(part).in_tab(tab);
+        let page = Page::new("", "")
+            .with(section("A1", PagePart::Answer, "a"))
+            .with(section("A2", PagePart::Evidence, "a"))
+            .with(section("B1", PagePart::Answer, "b"))
+            .with(section("B2", PagePart::Evidence, "b"))
+            .with(section("before", PagePart::Verdict, ""))
+            .with(section("after", PagePart::Made, ""));
+        let html = html(&page);
+        let places =
+            ["before", "A1", "A2", "B1", "B2", "after"].map(|title| html.find(&format!("<h2>{title}</h2>")));
+        assert!(places.is_sorted() && places[0].is_some(), "{places:?}");
+        assert_eq!(html.matches("type=\"radio\"").count(), 2);
+        assert_eq!(html.matches("checked=\"checked\"").count(), 1);
+        assert_eq!(html.matches("<div").count(), html.matches("</div>").count());
+    }
 }

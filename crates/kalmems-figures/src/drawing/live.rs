@@ -217,8 +217,10 @@ fn drawn_as(series: &Series, colour: &str) -> LiveSeries {
         Shape::Map(_) => ("map", None),
     };
     let links = series.links().iter().map(|link| json!([link.at[0], link.at[1], link.anchor, link.text]));
+    let written = series.texts().iter().map(|one| json!([one.at[0], one.at[1], one.text]));
     let known = json!({
         "links": links.collect::<Vec<Value>>(),
+        "written": written.collect::<Vec<Value>>(),
         "label": series.label(),
         "kind": kind,
         "level": level,

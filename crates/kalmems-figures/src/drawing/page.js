@@ -336,8 +336,22 @@
       } else if (series.samples) {
         drawSamples(context, plot, series, toX, toY, ratio);
       }
+      write(context, plot, series, toX, toY, ratio);
     }
     context.restore();
+  }
+
+  /** The texts next to points: away from the nearer side, in turns above and below. */
+  function write(context, plot, series, toX, toY, ratio) {
+    context.globalAlpha = 1;
+    context.fillStyle = variable("--ink");
+    context.font = `${12 * ratio}px system-ui, 'DejaVu Sans', sans-serif`;
+    series.written.forEach(([atX, atY, text], turn) => {
+      const x = toX(atX);
+      const isLeft = x < plot.bbox.left + 0.6 * plot.bbox.width;
+      context.textAlign = isLeft ? "left" : "right";
+      context.fillText(text, x + (isLeft ? 6 : -6) * ratio, toY(atY) + (turn % 2 ? 16 : -6) * ratio);
+    });
   }
 
   function drawSamples(context, plot, series, toX, toY, ratio) {
@@ -1137,10 +1151,12 @@
       }
     }
   });
-  // A link to a part unfolds it, and paper has all parts.
+  // A link to a part unfolds it and shows its tab, and paper has all parts.
   const parts = [...document.querySelectorAll("details.part")];
   const unfold = () => {
     const target = location.hash && document.getElementById(location.hash.slice(1));
+    const tab = target?.closest(".tab")?.previousElementSibling;
+    if (tab) document.getElementById(tab.htmlFor).checked = true;
     parts.filter((part) => target && (target.contains(part) || part.contains(target))).forEach((part) => { part.open = true; });
   };
   addEventListener("hashchange", unfold);

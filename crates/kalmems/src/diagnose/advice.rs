@@ -5,6 +5,7 @@ use super::paste::pasted;
 use super::report::Diagnosis;
 use super::stop::StopFlag;
 use crate::config::Experiment;
+use crate::evaluate::CycleEvidence;
 use crate::inspect::quantity;
 use crate::rigs::Workbench;
 use crate::workflow::{Outcome, estimate, is_long};
@@ -31,6 +32,8 @@ pub(super) fn withhold_what_is_worse(
         run(&workbench.parse(&text, experiment.path()).ok()?)
     };
     let after: Vec<Option<WholeRun>> = found.causes.iter().map(of_lines).collect();
+    let first = after.iter().flatten().next().map(|run| run.cycle.clone());
+    found.cycles = first.into_iter().flat_map(|after| [before.cycle.clone(), after]).flatten().collect();
     for ((cause, after), gain) in found.causes.iter_mut().zip(after).zip(gains) {
         cause.withheld = after.and_then(|after| before.worse(&after, *gain));
         if cause.withheld.is_some() {
@@ -46,6 +49,8 @@ struct WholeRun {
     density: f64,
     /// The root mean square error of the answer against the reference with its unit, where there is one.
     error: Option<(f64, &'static str)>,
+    /// The innovations of the first segment over the cycle of the motion, where it has one.
+    cycle: Option<CycleEvidence>,
 }
 
 impl WholeRun {
@@ -63,7 +68,10 @@ impl WholeRun {
             let scored = trajectory.scored_after(estimate.start_s, estimate.skip_s);
             density += trajectory.consistency(scored)?.log_likelihood;
         }
-        Some(Self { density, error: error(&outcome) })
+        let first = outcome.recordings.first().and_then(|recording| recording.segments.first());
+        let evidence = first.and_then(|segment| segment.judgements.first()?.evidence.as_ref());
+        let cycle = evidence.and_then(|evidence| evidence.cycles.first()).cloned();
+        Some(Self { density, error: error(&outcome), cycle })
     }
 
     /// Why lines with which it would be `after` are not to be written, where they are not.

@@ -6,9 +6,24 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// The text of an experiment file with what a cause says in it; `None` where a key has no place in it.
+/// The text of an experiment file with what a cause says in it; `None` where a key has no place in it. Its description, which may state the
+/// fault that is corrected, is marked as that of the file before.
 pub fn pasted(experiment: &Experiment, cause: &CauseReport) -> Option<String> {
-    cause.edits.iter().try_fold(experiment.text().to_owned(), |text, edit| changed(&text, edit))
+    let text =
+        cause.edits.iter().try_fold(experiment.text().to_owned(), |text, edit| changed(&text, edit))?;
+    let Some(description) = &experiment.description else { return Some(text) };
+    let to = toml::Value::from(described_as_before(description, &cause.edits)).to_string();
+    changed(&text, &Edit { key: "description".to_owned(), to, ..Edit::default() })
+}
+
+/// The description of a file without these edits, for the file with them.
+fn described_as_before(description: &str, edits: &[Edit]) -> String {
+    let said = edits.iter().map(|Edit { key, from, to, .. }| {
+        let was = from.as_ref().map_or_else(|| "new".to_owned(), |from| format!("was {from}"));
+        format!("`{key} = {to}` ({was})")
+    });
+    let said = said.collect::<Vec<String>>().join(", ");
+    format!("Corrected by `kalmems diagnose`: {said}. Description of the file before that: {description}")
 }
 
 /// The text with one key changed.
@@ -100,6 +115,16 @@ mod tests {
         let text = "a = 1 # one\n[b.c]\nd = \"2 V\"   # two\n[[e]]\nf = { g = 1, h = 2 }\n";
         assert_eq!(after(text, "b.c.d", "\"3 V\""), text.replace("2 V", "3 V"));
         assert_eq!(after(text, "e[0].f.h", "5"), text.replace("h = 2", "h = 5"));
+    }
+
+    #[test]
+    fn a_description_is_that_of_the_file_before() {
+        let (from, to) = (Some("\"2 V\"".to_owned()), "\"3 V\"".to_owned());
+        let edit = Edit { key: "b.d".to_owned(), from, to, ..Edit::default() };
+        assert_eq!(
+            described_as_before("d is too small", &[edit]),
+            "Corrected by `kalmems diagnose`: `b.d = \"3 V\"` (was \"2 V\"). Description of the file before that: d is too small"
+        );
     }
 
     #[test]

@@ -14,7 +14,7 @@ use super::trial::DiagnosisTrial;
 use super::unseen::unseen;
 use crate::config::get;
 use crate::config::{Experiment, Key, KeyStep};
-use crate::evaluate::StepErrors;
+use crate::evaluate::{CycleEvidence, StepErrors};
 use kalmems_core::Portable;
 use serde::Serialize;
 
@@ -50,6 +50,9 @@ pub struct Diagnosis {
     pub proposal: Option<Proposal>,
     /// Where nothing explains it: what explains most. Of a diagnosis that was interrupted what makes the recording likelier so far.
     pub closest: Vec<CauseReport>,
+    /// The innovations over the cycle of the motion with the experiment as it is, and with the lines of the first cause; both or none.
+    #[serde(skip)]
+    pub cycles: Vec<CycleEvidence>,
     /// What was not tried, so that the diagnosis is no more work than twenty estimates.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
@@ -161,6 +164,7 @@ impl Diagnosis {
                 Some(ranking) => ranking.iter().map(|found| ranked(found, suspects)).collect(),
                 None => reports(&found.closest),
             }),
+            cycles: Vec::new(),
             left_out: explained.map_or_else(Vec::new, |found| found.left_out.clone()),
             unseen: if finding == DiagnosisFinding::NothingToChange {
                 unseen(bench.workbench, experiment)
@@ -510,6 +514,7 @@ mod tests {
             answers_differ,
             proposal: None,
             closest: Vec::new(),
+            cycles: Vec::new(),
             left_out: Vec::new(),
             notes: Vec::new(),
             unseen: Vec::new(),

@@ -145,14 +145,7 @@ impl QuantityAnswer {
     /// The sentence, with the filter and its grade: `angle: amplitude 8.922 deg at 15.675 kHz, ± 0.008 deg (one standard deviation, claimed by EKF:
     /// passes)`.
     pub fn sentence(&self, filter: &str, grade: Grade) -> String {
-        // Of those that take a prefix, in SI; angles in degrees and accelerations in standard gravities.
-        let (unit, factor) = match self.unit {
-            _ if self.is_angle => ("deg", 1_f64.to_degrees()),
-            "m_per_s2" => ("g", STANDARD_GRAVITY.recip()),
-            "F" | "m" | "m_per_s" => (self.unit, 1.0),
-            unit => shown(unit),
-        };
-        let unit = unit.replace("_per_", "/").replace('_', " ");
+        let (unit, factor) = shown_for_people(self.unit, self.is_angle);
         let sd = self.known_to.map(|sd| sd * factor);
         let shown = |value: f64| quantity(to_the_last_digit(value * factor, sd), &unit);
         let motion = match self.motion {
@@ -230,6 +223,23 @@ fn after_drive_deg(peaks: impl Fn() -> Vec<Extreme>, motion_hz: f64, drive: &Sin
     // Minima are half a cycle of such a drive from it.
     peaks.retain(|peak| peak.maximum || cycles > 1.0);
     mean_phase_shift(&peaks, ComparisonExtent { from_s: f64::NEG_INFINITY, motion_hz, drive: Some(drive) })
+}
+
+/// The unit in which a sentence has a quantity, and how many of it one of the SI unit is: of those that take a prefix in SI, angles in degrees and
+/// accelerations in standard gravities.
+pub(crate) fn shown_for_people(unit: &'static str, is_angle: bool) -> (String, f64) {
+    let (unit, factor) = match unit {
+        _ if is_angle => ("deg", 1_f64.to_degrees()),
+        "m_per_s2" => ("g", STANDARD_GRAVITY.recip()),
+        "F" | "m" | "m_per_s" => (unit, 1.0),
+        unit => shown(unit),
+    };
+    (unit.replace("_per_", "/").replace('_', " "), factor)
+}
+
+/// A value to the second digit of its standard deviation, and that with two digits, both with the unit.
+pub(crate) fn value_and_sd(value: f64, sd: f64, unit: &str) -> [String; 2] {
+    [quantity(to_the_last_digit(value, Some(sd)), unit), quantity(two_digits(sd), unit)]
 }
 
 /// A value to the second digit of its standard deviation: further ones say nothing.

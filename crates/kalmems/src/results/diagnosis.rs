@@ -4,6 +4,7 @@ use super::summary::{shown, significant_value};
 use crate::diagnose::{
     AnswerChange, CauseReport, Diagnosis, DiagnosisFinding, Edit, FoundNoise, Proposal, ScaleNote,
 };
+use crate::evaluate::CycleEvidence;
 use crate::inspect::quantity;
 use crate::topics::{explained, link};
 use kalmems_figures::{
@@ -284,16 +285,44 @@ fn people_read(unit: &'static str) -> (&'static str, f64) {
     if unit == "rad" { ("deg", 180.0 / std::f64::consts::PI) } else { shown(unit) }
 }
 
+/// Half the height of a bar, of rows that are 1 apart.
+const HALF_BAR: f64 = 0.3;
+
+/// The innovations over the cycle of the motion before and after the correction of the first cause; `None` where that was not tried.
+fn over_the_cycle(found: &Diagnosis) -> Option<Figure> {
+    let [before, after] = found.cycles.as_slice() else { return None };
+    let cause = &found.causes.first()?.name;
+    let caption = format!(
+        "The mean of the normalised innovations over the cycle of the motion with the experiment as it is, and with {cause} as written above, and where \
+         95 % of the means of a consistent filter lie."
+    );
+    let over = |cycle: &CycleEvidence| -> Vec<(f64, f64)> {
+        cycle.parts.iter().map(|[phase, _, mean, _]| (*phase, *mean)).collect()
+    };
+    let bound = |[phase, count, ..]: &[f64; 4]| (*phase, -1.96 / count.sqrt(), 1.96 / count.sqrt());
+    let bound: Vec<(f64, f64, f64)> = before.parts.iter().map(bound).collect();
+    let panel = Panel::new(Axis::new("phase of the motion", "deg"), Axis::new("mean innovation", "1"))
+        .with(Series::band("95 %", SeriesRole::Bound, bound))
+        .with(Series::line("as it is", SeriesRole::Model, over(before)))
+        .with(Series::line("corrected", SeriesRole::Estimate, over(after)));
+    Some(Figure::new("cycle", "Innovations over the cycle, before and after", caption).with(panel))
+}
+
 /// How much likelier the recording is with each cause.
 fn gains(causes: &[CauseReport], needed: f64) -> Figure {
     let caption = "The gain in log-likelihood of the blocks that were not fitted, for each cause, and the gain that a cause needs so that it is \
                    no fluctuation. Causes of equal gain are not distinguished by the recording.";
-    let points = causes.iter().enumerate().map(|(place, cause)| (cause.gain, -(place as f64)));
     let limit = [(needed, 0.5), (needed, 0.5 - causes.len() as f64)];
-    let panel =
-        Panel::new(Axis::new("gain", "ln p"), Axis::of_names(causes.iter().map(|cause| cause.name.clone())))
-            .with(Series::points("gain", SeriesRole::Estimate, points))
-            .with(Series::line("needed", SeriesRole::Bound, limit));
+    let largest = causes.iter().map(|cause| cause.gain).fold(needed, f64::max);
+    let gain = Axis::new("gain", "ln p").between(0.0, 1.05 * largest);
+    let mut panel = Panel::new(gain, Axis::of_names(causes.iter().map(|cause| cause.name.clone())));
+    for (place, cause) in causes.iter().enumerate() {
+        let (low, high) = (-(place as f64) - HALF_BAR, -(place as f64) + HALF_BAR);
+        let label = if place == 0 { "gain" } else { "" };
+        let bar = [(0.0, low, high), (cause.gain.max(0.0), low, high)];
+        panel = panel.with(Series::band(label, SeriesRole::Estimate, bar));
+    }
+    let panel = panel.with(Series::line("needed", SeriesRole::Bound, limit));
     Figure::new("gains", "Gain of each cause", caption).with(panel)
 }
 
@@ -383,6 +412,7 @@ fn page(found: &Diagnosis) -> Page {
     if !table.rows.is_empty() {
         answer = answer.figure(gains(causes, found.needed)).table(table);
     }
+    answer = over_the_cycle(found).into_iter().fold(answer, PageSection::figure);
     answer = found.left_out().into_iter().fold(answer, PageSection::paragraph);
     if let Some(Proposal { what, ahead, simulate }) = &found.proposal {
         let text = format!(
@@ -403,12 +433,11 @@ fn page(found: &Diagnosis) -> Page {
     .with(answer);
     if !found.tests.is_empty() {
         let section = PageSection::new("What the innovations show").part(PagePart::Evidence);
-        page = page.with(found.tests.iter().fold(section, |section, test| section.paragraph(test.as_str())));
+        page = page.with(section.folded(true).list(found.tests.clone()));
     }
     if !found.notes.is_empty() {
         let section = PageSection::new("What the signal does not determine").part(PagePart::Budget);
-        page =
-            page.with(found.notes.iter().fold(section, |section, note| section.paragraph(note.to_string())));
+        page = page.with(section.list(found.notes.iter().map(ToString::to_string).collect()));
     }
     explained(page.with(PageSection::made("diagnose", env!("CARGO_PKG_VERSION"), "")))
 }

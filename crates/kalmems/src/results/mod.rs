@@ -17,6 +17,7 @@ mod trajectories;
 mod verdict;
 
 pub use answer::{AnsweredMotion, QuantityAnswer, summary_text};
+pub(crate) use answer::{shown_for_people, value_and_sd};
 #[cfg(feature = "report")]
 pub use diagnosis::diagnosis_page;
 pub use in_memory::{Estimated, number_check, number_check_of};

@@ -60,7 +60,8 @@ impl StreamTracks {
 
     /// The page. How long samples took on their way is none of it, as it differs from run to run.
     pub(crate) fn page(&self, experiment: &Experiment, summary: &StreamSummary) -> Page {
-        let mut verdict = PageSection::new("Verdict").part(PagePart::Verdict);
+        let verdict = PageSection::new("Verdict").part(PagePart::Verdict);
+        let mut verdict = summary.answer.iter().fold(verdict, PageSection::paragraph);
         for (severity, text) in reasons(summary) {
             verdict = verdict.notice(severity, text);
         }

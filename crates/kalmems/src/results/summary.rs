@@ -8,8 +8,8 @@ use crate::evaluate::{
     StepErrors, TestResult, nis,
 };
 use crate::inspect::{fitting_unit, quantity};
-use crate::topics::link;
-use kalmems_figures::{ColumnHead, NoticeSeverity, TextTable, significant};
+use crate::topics::{SHORT, link, topic};
+use kalmems_figures::{ColumnHead, NoticeSeverity, TextTable, cut_to, first_clause, significant};
 use kalmems_models::constants::STANDARD_GRAVITY;
 use std::fmt;
 
@@ -28,15 +28,20 @@ pub struct Notice {
     pub topic: &'static str,
     /// How large what it says is, to find the worst of several; 0 where it is no number.
     pub(super) size: f64,
-    /// What it says in a few words, beside another sentence about the same filter; empty for nothing.
+    /// What it says in a few words; empty if its first clause does.
     pub(super) brief: String,
+    /// What follows it in brackets: the number of further findings, and the command that explains it.
+    tail: String,
 }
+
+/// Characters of the names of filters of which the same is said, from which on the first is named and the others are counted.
+const NAMES: usize = 40;
 
 impl Notice {
     /// A sentence about a whole result.
     pub fn new(severity: NoticeSeverity, text: impl Into<String>) -> Self {
-        let (place, filter, brief) = (String::new(), String::new(), String::new());
-        Self { severity, place, filter, text: text.into(), topic: "", size: 0.0, brief }
+        let [place, filter, brief, tail] = [const { String::new() }; 4];
+        Self { severity, place, filter, text: text.into(), topic: "", size: 0.0, brief, tail }
     }
 
     /// With the topic that explains it.
@@ -55,7 +60,31 @@ impl Notice {
     pub fn sentence(&self) -> String {
         let about = [&self.place, &self.filter].into_iter().filter(|about| !about.is_empty());
         let about: String = about.flat_map(|about| [about.as_str(), ": "]).collect();
-        format!("{about}{}{}", self.text, link(self.topic))
+        format!("{about}{}{}{}", self.text, self.tail, link(self.topic))
+    }
+
+    /// In a few words, with the number of further findings and with the command that says what to do.
+    fn in_short(self, others: usize) -> Self {
+        let more = (others > 0).then(|| format!("{others} more"));
+        let command = topic(self.topic).map(|topic| format!("`{}`", topic.command()));
+        let tail = more.into_iter().chain(command).collect::<Vec<String>>().join("; ");
+        let tail = if tail.is_empty() { tail } else { format!(" ({tail})") };
+        let text = if self.brief.is_empty() { first_clause(&self.text) } else { &self.brief }.to_owned();
+        Self { text, tail, topic: "", ..self }
+    }
+
+    /// Cuts what does not fit a line of [`SHORT`] characters.
+    fn cut(&mut self) {
+        let mut names = self.filter.split("; ");
+        if let (Some(first), others) = (names.next(), names.count())
+            && others > 0
+            && self.filter.chars().count() > NAMES
+        {
+            self.filter = format!("{first} and {others} more filters");
+        }
+        let length = |text: &str| text.chars().count();
+        let room = SHORT.saturating_sub(length(&self.to_string()) - length(&self.text));
+        self.text = cut_to(&self.text, room);
     }
 }
 
@@ -430,15 +459,18 @@ pub fn is_unexplained(metrics: &Metrics) -> bool {
     metrics.estimators().any(|estimator| !estimator.passes() && estimator.failing().next().is_some())
 }
 
-/// The same for a terminal: of each filter the worst sentence about its verdict, with the number of further ones and where they stand, such as
-/// `the report has`; what is the same of several filters once; each explanation named once.
-pub fn notices_in_short(metrics: &Metrics, elsewhere: &str) -> Vec<Notice> {
+/// The same for a terminal: of each filter the worst finding about its verdict in at most 140 characters, with the number of further ones; what
+/// is the same of several filters once; each explanation of a note named once.
+pub fn notices_in_short(metrics: &Metrics) -> Vec<Notice> {
     let is_alone = metrics.recordings.iter().map(|recording| recording.segments.len()).sum::<usize>() == 1;
-    let mut short = worst_of_each_filter(without_repeats(notices(metrics)), elsewhere);
+    let mut short = without_repeats(worst_of_each_filter(notices(metrics)));
     let mut explained = Vec::new();
     for notice in &mut short {
         if is_alone && !notice.filter.is_empty() {
             notice.place.clear();
+        }
+        if order(notice.severity) >= order(NoticeSeverity::Warning) {
+            notice.cut();
         }
         if explained.contains(&notice.topic) {
             notice.topic = "";
@@ -455,8 +487,8 @@ pub fn without_repeats(notices: Vec<Notice>) -> Vec<Notice> {
     for notice in notices {
         let same = once.iter_mut().find(|known| {
             !notice.filter.is_empty()
-                && (known.severity, &known.place, &known.text)
-                    == (notice.severity, &notice.place, &notice.text)
+                && (known.severity, &known.place, &known.text, &known.tail)
+                    == (notice.severity, &notice.place, &notice.text, &notice.tail)
         });
         match same {
             Some(known) => known.filter += &format!("; {}", notice.filter),
@@ -466,9 +498,9 @@ pub fn without_repeats(notices: Vec<Notice>) -> Vec<Notice> {
     once
 }
 
-/// Of what speaks against a filter the worst, with a word on the rest.
-fn worst_of_each_filter(notices: Vec<Notice>, elsewhere: &str) -> Vec<Notice> {
-    let mut short: Vec<(Notice, Vec<Notice>)> = Vec::new();
+/// Of what speaks against each filter the worst in short, with the number of further findings.
+fn worst_of_each_filter(notices: Vec<Notice>) -> Vec<Notice> {
+    let mut short: Vec<(Notice, usize)> = Vec::new();
     for notice in notices {
         let is_against =
             order(notice.severity) >= order(NoticeSeverity::Warning) && !notice.filter.is_empty();
@@ -476,23 +508,18 @@ fn worst_of_each_filter(notices: Vec<Notice>, elsewhere: &str) -> Vec<Notice> {
             is_against && (known.severity, &known.filter) == (notice.severity, &notice.filter)
         });
         match known {
-            Some((worst, others)) if notice.size > worst.size => {
-                others.push(std::mem::replace(worst, notice));
+            Some((worst, others)) => {
+                *others += 1;
+                if notice.size > worst.size {
+                    *worst = notice;
+                }
             }
-            Some((_, others)) => others.push(notice),
-            None => short.push((notice, Vec::new())),
+            None => short.push((notice, 0)),
         }
     }
-    let of = |(worst, others): (Notice, Vec<Notice>)| {
-        let beside = others.iter().find(|other| other.place == worst.place && !other.brief.is_empty());
-        let beside =
-            beside.map_or_else(String::new, |other| format!("; its innovations show {}", other.brief));
-        let more = match others.len() {
-            0 => String::new(),
-            1 => format!("; {elsewhere} one more sentence on this filter"),
-            more => format!("; {elsewhere} {more} more sentences on this filter"),
-        };
-        Notice { text: format!("{}{beside}{more}", worst.text), ..worst }
+    let of = |(worst, others): (Notice, usize)| {
+        let is_short = order(worst.severity) >= order(NoticeSeverity::Warning);
+        if is_short { worst.in_short(others) } else { worst }
     };
     short.into_iter().map(of).collect()
 }
@@ -662,6 +689,9 @@ pub fn parameters_table(metrics: &Metrics) -> Option<TextTable> {
     (!table.rows.is_empty()).then_some(table)
 }
 
+/// The share of a claimed variance from which on what causes it has a row of its own.
+const LISTED: f64 = 1e-3;
+
 /// What the claims of what the device is for are due to; `None` where nothing of the device is stated as uncertain.
 pub fn budget_table(metrics: &Metrics) -> Option<TextTable> {
     let segments = || {
@@ -684,7 +714,8 @@ pub fn budget_table(metrics: &Metrics) -> Option<TextTable> {
     let mut table = TextTable::new(
         "What the claimed uncertainty is due to",
         segment.into_iter().chain(words).chain(numbers),
-    );
+    )
+    .with_expendable(&["the recording tells it to", "claimed of"]);
     let estimators =
         segments().flat_map(|(name, own)| own.estimators.iter().map(move |one| (name.clone(), one)));
     for (segment, estimator) in estimators {
@@ -700,8 +731,13 @@ pub fn budget_table(metrics: &Metrics) -> Option<TextTable> {
         let own = ("noise and start".to_owned(), budget.noise, "–".to_owned());
         // What this filter does not use has no part of it.
         let used = budget.device.iter().filter(|number| number.sd > 0.0);
-        let device = used.map(|number| (format!("`{}`", number.name), number.sd, told(number)));
-        for (place, (due, sd, told)) in std::iter::once(own).chain(device).enumerate() {
+        let is_listed = |number: &&DeviceUncertainty| (number.sd / budget.sd).powi(2) >= LISTED;
+        let (listed, others): (Vec<_>, Vec<_>) = used.partition(is_listed);
+        let device = listed.into_iter().map(|number| (format!("`{}`", number.name), number.sd, told(number)));
+        let smaller = others.iter().map(|number| number.sd * number.sd).sum::<f64>().sqrt();
+        let smaller = (!others.is_empty())
+            .then(|| (format!("{} smaller parts together", others.len()), smaller, "–".to_owned()));
+        for (place, (due, sd, told)) in std::iter::once(own).chain(device).chain(smaller).enumerate() {
             let first = |text: &str| if place == 0 { text.to_owned() } else { String::new() };
             let own = [
                 first(&estimator.name),
@@ -745,6 +781,7 @@ fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<Notice> {
     let mut why: Vec<Notice> = steps.into_iter().collect();
     why.extend(claims.map(|(name, claim)| Notice {
         size: claim.mean_square.sqrt(),
+        brief: format!("{grade}: errors of {} {} times the claim", named(name), times_the_claim(&claim)),
         ..because(of_the_claim(name, &claim))
     }));
     why.extend(estimator.doubts().map(|(text, topic)| because(text).explained_by(topic)));
@@ -757,9 +794,13 @@ fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<Notice> {
             off.abs(),
             if off > 0.0 { "above" } else { "below" }
         );
-        Some(because(text).explained_by("uncertainty"))
+        let brief = format!("{grade}: the recording contradicts `{}`; correct it", number.name);
+        Some(Notice { brief, ..because(text).explained_by("uncertainty") })
     }));
-    why.extend(of_the_innovations(estimator).map(|(text, brief)| Notice { brief, ..because(text) }));
+    why.extend(of_the_innovations(estimator).map(|(text, brief)| {
+        let brief = format!("{grade}: the innovations show {brief}");
+        Notice { brief, ..because(text) }
+    }));
     if why.is_empty() && !goes_the_other_way {
         let found = estimator.consistency.as_ref();
         why.extend(found.map(|consistency| because(of_the_mean_nis(estimator, consistency))));
@@ -783,13 +824,18 @@ pub(super) fn named(state: &str) -> String {
     if is_word { format!("the {state}") } else { state.to_owned() }
 }
 
+/// How many times as large as claimed errors against a reference are.
+fn times_the_claim(claim: &Claim) -> String {
+    let larger = claim.mean_square.sqrt();
+    if larger < 100.0 { format!("{larger:.1}") } else { significant(larger) }
+}
+
 /// What a reference shows of a claim that does not hold.
 fn of_the_claim(name: &str, claim: &Claim) -> String {
-    let larger = claim.mean_square.sqrt();
     let mut text = format!(
         "the errors of {} against the reference are {} times as large as claimed, {:.0} % of them within three standard deviations",
         named(name),
-        if larger < 100.0 { format!("{larger:.1}") } else { significant(larger) },
+        times_the_claim(claim),
         100.0 * claim.within
     );
     if let Some(ErrorDecomposition { scale, early_s, share, .. }) =
@@ -827,5 +873,36 @@ fn of_the_mean_nis(estimator: &EstimatorMetrics, consistency: &NisConsistency) -
         _ => format!(
             "the mean NIS of {mean_nis:.3} lies above {upper:.3}, as it does in 25 of 1000 recordings with a true model"
         ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_warning_in_short_names_what_to_do_and_how_many_further_findings_there_are() {
+        let notice = |filter: &str, text: &str| {
+            let notice =
+                Notice::new(NoticeSeverity::Warning, text).explained_by("overconfident").at("recording.csv");
+            Notice { filter: filter.to_owned(), ..notice }
+        };
+        let said = |notice: Notice, others: usize| {
+            let mut short = notice.in_short(others);
+            short.cut();
+            short.to_string()
+        };
+        assert_eq!(
+            said(notice("EKF", "doubtful: the mean is 3; the usual cause: an offset"), 2),
+            "WARNING: recording.csv: EKF: doubtful: the mean is 3 (2 more; `kalmems help overconfident`)"
+        );
+        let long = "doubtful: ".to_owned() + &"word ".repeat(100);
+        let names = "EKF with stiffness; EKF with damping; EKF with inertia";
+        let cut = said(notice(names, &long), 11);
+        assert!(cut.chars().count() <= SHORT, "{cut}");
+        assert!(
+            cut.starts_with("WARNING: recording.csv: EKF with stiffness and 2 more filters: doubtful: word")
+        );
+        assert!(cut.ends_with("word … (11 more; `kalmems help overconfident`)"), "{cut}");
     }
 }

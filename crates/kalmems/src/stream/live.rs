@@ -2,6 +2,7 @@
 
 use super::events::{Event, TrajectoryWatch};
 use super::lag::{LagTurn, LagWatch, WorkWatch};
+use super::last_estimate::LastEstimate;
 use super::latency::{ArrivalTimes, LatencyHistogram};
 use super::noise_only::{NoiseWatch, SignalContent};
 use super::output::{StreamOutputs, StreamWriter};
@@ -117,6 +118,7 @@ pub(super) struct LiveEstimate<'a> {
     arrivals: ArrivalTimes,
     shared: Shared,
     summary: StreamSummary,
+    last: Option<LastEstimate>,
     /// For a page, where one is wanted, with the quantity that the device is for.
     seen: Option<(StreamTracks, Option<&'static str>)>,
 }
@@ -130,6 +132,7 @@ impl<'a> LiveEstimate<'a> {
         stopping: &'a Stopping<'a>,
     ) -> Self {
         let summary = StreamSummary {
+            answer: Vec::new(),
             received: shared.counts(),
             origin: None,
             diagnosis: Vec::new(),
@@ -178,6 +181,7 @@ impl<'a> LiveEstimate<'a> {
             arrivals,
             shared,
             summary,
+            last: None,
             seen: None,
         }
     }
@@ -258,6 +262,7 @@ impl<'a> LiveEstimate<'a> {
         let stretches = self.judge.finish()?;
         let ends_with_estimate = self.is_estimated && self.watches.iter().any(|(_, watch)| watch.holds());
         Ok(StreamSummary {
+            answer: self.last.iter().map(LastEstimate::sentence).collect(),
             ends_with_estimate,
             received: self.shared.counts(),
             diagnosis,
@@ -565,6 +570,7 @@ impl<'a> LiveEstimate<'a> {
             self.writer.events(Some(&trajectory.key), &events)?;
         }
         self.judged.take(estimate);
+        LastEstimate::take(&mut self.last, trajectories);
         if let Some((tracks, wanted)) = &mut self.seen {
             tracks.take(estimate, *wanted);
         }

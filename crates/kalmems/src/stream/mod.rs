@@ -8,6 +8,7 @@ mod connection;
 mod decode;
 mod events;
 mod lag;
+mod last_estimate;
 mod latency;
 mod live;
 mod noise_only;
@@ -109,6 +110,8 @@ pub enum StreamError {
 /// What came of a stream.
 #[derive(Clone, Debug, Serialize)]
 pub struct StreamSummary {
+    /// What the first filter that claims an uncertainty says at the end, in a sentence; none if no sample was estimated.
+    pub answer: Vec<String>,
     /// What was received, and what the way has made of it.
     pub received: StreamCounts,
     /// Where the times of all estimates count from, where that is not zero of the samples' clock.

@@ -68,6 +68,17 @@ impl AxisValue {
 }
 
 impl StudyAxis {
+    /// A value of the key as a number in the unit in which the results have it; `None` for a word.
+    pub(super) fn number_of(&self, value: &toml::Value) -> Option<f64> {
+        let own = setting(value.clone()).number;
+        if unit_text(value) == self.unit {
+            return own;
+        }
+        let of_unit = |number: u8| Some(Value::parse(&format!("{number} {}", self.unit)).ok()?.si());
+        // A temperature in °C has another zero.
+        (of_unit(0)? == 0.0).then_some(quantity(value)?.si() / of_unit(1)?)
+    }
+
     /// Reads and checks a `[[vary]]` table; where it is wrong, the key below it.
     pub(super) fn of(vary: &Vary, simulated: bool) -> Result<Self, (&'static str, ConfigFault)> {
         let value = |why: String| ConfigFault::Value { why };
@@ -363,6 +374,15 @@ mod tests {
             ["900.0", "1000.0", "1100.0"]
         );
         assert_eq!((axis.column.as_str(), axis.unit.as_str()), ("frequency_Hz", "Hz"));
+    }
+
+    #[test]
+    fn another_value_is_a_number_in_the_unit_of_the_axis() {
+        let told = axis("key = \"a.b\"\ngrid = { from = \"1 N m\", to = \"2 N m\", points = 3 }").unwrap();
+        let of = |text: &str| told.number_of(&toml::Value::from(text));
+        assert_eq!((of("3 N m"), of("0.5 N m")), (Some(3.0), Some(0.5)));
+        assert!((of("1500 mN m").unwrap() - 1.5).abs() < 1e-12);
+        assert_eq!((of("hold"), told.number_of(&toml::Value::from(2))), (None, None));
     }
 
     #[test]

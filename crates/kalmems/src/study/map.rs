@@ -1,7 +1,7 @@
 //! A figure of the results over two things that vary, in colours.
 
 use super::axis::StudyAxis;
-use super::pictures::{LOST, axis, name, value_in_words};
+use super::pictures::{LOST, axis, name, true_value, value_in_words};
 use super::runs::StudyRuns;
 use super::spread::spreads;
 use kalmems_core::Portable;
@@ -69,6 +69,8 @@ pub(super) fn panels(runs: &StudyRuns, column: usize, map: &StudyMap) -> Result<
             right.label = format!("{}, {who}", right.label);
         }
         let panel = Panel::new(right, axis(plan, upwards)).with(Series::map(label, grid).leading_to(links));
+        let upright = [y.first(), y.last()].map(|end| end.copied().unwrap_or(f64::NAN));
+        let panel = true_value(plan, across, upright).into_iter().fold(panel, Panel::with);
         if lost.is_empty() { panel } else { panel.with(Series::points(LOST, SeriesRole::Failure, lost)) }
     });
     Ok(panels.collect())

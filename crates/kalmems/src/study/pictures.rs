@@ -2,10 +2,11 @@
 
 use super::StudyPlan;
 use super::axis::AxisValues;
-use super::description::{Spacing, StudyPicture};
+use super::description::{AppliesTo, Spacing, StudyPicture};
 use super::map::{self, StudyMap};
 use super::runs::{StudyRuns, written};
 use super::spread::{EstimatorSpread, RowGroup, spreads};
+use crate::config::get;
 use crate::table::{TidyTable, number};
 use crate::units::ColumnHeader;
 use kalmems_core::Portable;
@@ -96,11 +97,35 @@ fn lines(runs: &StudyRuns, column: usize, place: usize, y: kalmems_figures::Axis
         AxisValues::Listed(_) => curves.over_grid(column, place)?,
         AxisValues::Drawn(_) => curves.over_draws(column, place),
     }
-    let series = curves.series_and_crosses();
+    let mut series = curves.series_and_crosses();
     if series.is_empty() {
         return Err(format!("no run has a number for `{}`", runs.table.columns[column]));
     }
+    let [low, high] = ends(&series, y.scale);
+    series.extend(true_value(runs.plan, place, [low, high]));
     Ok(series.into_iter().fold(Panel::new(axis(runs.plan, place), y), Panel::with))
+}
+
+/// The lowest and the highest value of series.
+fn ends(series: &[Series], scale: AxisScale) -> [f64; 2] {
+    let values = series.iter().flat_map(|one| match one.shape() {
+        Shape::Line(lines) => lines.concat(),
+        Shape::Points(points) => points.clone(),
+        Shape::Band(bands) => bands.iter().flatten().flat_map(|p| [[p[0], p[1]], [p[0], p[2]]]).collect(),
+        Shape::Level(_) | Shape::Map(_) => Vec::new(),
+    });
+    let values = values.map(|p| p[1]).filter(|value| *value > 0.0 || scale == AxisScale::Linear);
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
+}
+
+/// The true value of a parameter of the device of which the filters assume others, as an upright line between these heights.
+pub(super) fn true_value(plan: &StudyPlan, place: usize, [low, high]: [f64; 2]) -> Option<Series> {
+    let axis = plan.axes.get(place).filter(|axis| axis.applies_to == AppliesTo::Told)?;
+    let stated = plan.truth.iter().find(|(key, _)| *key == axis.key).map(|(_, value)| value);
+    let is_of_device = plan.simulated && axis.key.to_string().starts_with("device.");
+    let value = stated.or_else(|| get(&plan.document, &axis.key).filter(|_| is_of_device))?;
+    let at = axis.number_of(value)?;
+    Some(Series::line("true value", SeriesRole::Bound, [(at, low), (at, high)]))
 }
 
 /// What varies, along an axis of a picture.
@@ -258,15 +283,7 @@ impl StudyCurves<'_> {
         if series.is_empty() || crosses.is_empty() {
             return series;
         }
-        let values = series.iter().flat_map(|one| match one.shape() {
-            Shape::Line(lines) => lines.concat(),
-            Shape::Points(points) => points.clone(),
-            Shape::Band(bands) => bands.iter().flatten().flat_map(|p| [[p[0], p[1]], [p[0], p[2]]]).collect(),
-            Shape::Level(_) | Shape::Map(_) => Vec::new(),
-        });
-        let values = values.map(|p| p[1]).filter(|value| *value > 0.0 || y.scale == AxisScale::Linear);
-        let (low, high) =
-            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
+        let [low, high] = ends(&series, y.scale);
         // Above all values, so that it is not taken for one of them.
         let top = match y.scale {
             AxisScale::Linear => high + ABOVE * (high - low),

@@ -91,16 +91,21 @@ impl Summary {
     }
 }
 
+impl Summary {
+    /// For a terminal of so many columns.
+    pub fn to_text_within(&self, columns: usize) -> String {
+        let mut text = self.answer.as_ref().map_or_else(String::new, |answer| format!("{answer}\n"));
+        text += &self.in_short();
+        for table in self.calibration.iter().flat_map(calibration::page_tables) {
+            text += &format!("\n\n{}", table.to_text_within(columns).trim_end());
+        }
+        text
+    }
+}
+
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(answer) = &self.answer {
-            writeln!(f, "{answer}")?;
-        }
-        f.write_str(&self.in_short())?;
-        for table in self.calibration.iter().flat_map(calibration::page_tables) {
-            write!(f, "\n\n{}", table.to_text().trim_end())?;
-        }
-        Ok(())
+        f.write_str(&self.to_text_within(usize::MAX))
     }
 }
 

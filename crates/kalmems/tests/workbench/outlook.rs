@@ -71,7 +71,8 @@ fn a_device_that_oscillates_is_described() {
     );
     let quality = values(outlook, "quality_and_decay_s");
     near(quality[0], (1.10e-4_f64 * 1.15e-14).sqrt() / 5.95e-12, 1e-9);
-    near(values(outlook, "steady_deg")[0], 8.9, 0.05);
+    near(values(outlook, "steady_deg_at_hz")[0], 8.9, 0.05);
+    near(values(outlook, "steady_deg_at_hz")[1], 31_350.0, 1e-6);
     let [time, amplitude] = values(outlook, "start_up_s_and_deg")[..] else { panic!() };
     near(amplitude, 8.9, 0.05);
     assert!((0.02..0.06).contains(&time), "{time}");

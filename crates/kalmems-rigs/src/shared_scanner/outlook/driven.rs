@@ -229,13 +229,13 @@ impl DrivenSteadyMotion {
         let motion = balance.iter().rev().find(|motion| motion.is_stable);
         topic = match motion {
             None => topic.with(
-                "steady_deg",
+                "steady_deg_at_hz",
                 [],
                 format!("At {:.3} kHz there is no steady motion.", frequency_hz / 1e3),
             ),
             Some(motion) => topic.with(
-                "steady_deg",
-                [motion.amplitude.to_degrees()],
+                "steady_deg_at_hz",
+                [motion.amplitude.to_degrees(), *frequency_hz],
                 format!(
                     "At {:.3} kHz the steady amplitude is {:.2}°{} (harmonic balance).",
                     frequency_hz / 1e3,

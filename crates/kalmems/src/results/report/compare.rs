@@ -1,18 +1,21 @@
-//! Results of several estimates, laid over one another as a page.
+//! Results of several estimates as one page: what each answers, how far the answers are apart, and both as pictures.
 
+use super::compared_run::{AnswerDifference, ComparedRun, ComparedSegment, entries, shown, text};
+use crate::inspect::quantity;
+use crate::results::summary::significant_value;
 use crate::topics::{explained, link};
 use kalmems_figures::{
     Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, ReportError, Series,
-    SeriesRole, TextTable, Track,
+    SeriesRole, TextTable,
 };
 use serde_json::Value;
-use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::BufReader;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// Trajectories that are laid over one another; of more a picture tells nothing.
-const MOST: usize = 12;
+/// Runs that overlap in a picture; more would have colours in common.
+const MOST: usize = 9;
+
+/// Segments that have pictures.
+const PICTURED: usize = 4;
 
 /// Why results cannot be compared.
 #[derive(Debug, thiserror::Error)]
@@ -34,139 +37,96 @@ pub enum CompareError {
     Report(#[from] ReportError),
 }
 
-/// What is taken from a result.
-struct ComparedRun {
-    name: String,
-    metrics: Value,
-    /// The trajectories by the name of their file without its ending.
-    trajectories: BTreeMap<String, ComparedTrajectory>,
+/// Several results of `kalmems estimate` next to one another.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    /// What each run answers, and how far each answer is from that of the first run; a sentence each.
+    pub answer: Vec<String>,
+    /// The page's text, which needs nothing else.
+    pub html: String,
 }
 
-/// The states of a trajectory over time.
-struct ComparedTrajectory {
-    /// The names of the columns of the states, with their units.
-    states: Vec<String>,
-    /// Each state, in the order of these names, with three standard deviations about it.
-    track: Track,
-    claims: bool,
-}
-
-/// Several results of `kalmems estimate`, laid over one another: the page's text, which needs nothing else.
-pub fn compare_page(folders: &[PathBuf]) -> Result<String, CompareError> {
+/// Compares results of `kalmems estimate`, the folders of which are named.
+pub fn compare(folders: &[PathBuf]) -> Result<Comparison, CompareError> {
     let mut runs = Vec::new();
     for (place, folder) in folders.iter().enumerate() {
         let mut run = ComparedRun::read(folder)?;
-        // Names that are the same are told apart by their place.
+        // Names that are the same differ by their place.
         let same = |other: &PathBuf| other.file_name() == folder.file_name();
         if folders.iter().filter(|other| same(other)).count() > 1 {
             run.name = format!("{} ({})", run.name, place + 1);
         }
         runs.push(run);
     }
-    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let (table, severities) = verdicts(&runs);
-    let (figures, left_out) = overlays(&runs);
+    let mut pictured: Vec<&str> = Vec::new();
+    for segment in runs.iter().take(MOST).flat_map(|run| &run.segments) {
+        if !pictured.contains(&segment.prefix.as_str()) {
+            pictured.push(&segment.prefix);
+        }
+    }
+    let left_out = pictured.len().saturating_sub(PICTURED);
+    pictured.truncate(PICTURED);
+    let mut answer: Vec<String> = runs.iter().flat_map(ComparedRun::answers).collect();
+    let mut motion = PageSection::new("Motion");
+    for prefix in pictured {
+        let of_segment = differences(&runs, prefix)?;
+        answer.extend(of_segment.iter().filter_map(|(place, other)| apart(&runs, prefix, *place, other)));
+        motion = motion.figure(overlay(&runs, prefix));
+        let figure = differences_figure(&runs, prefix, &of_segment);
+        motion = figure.into_iter().fold(motion, PageSection::figure);
+    }
     let all_pass = severities.iter().all(|severity| *severity == NoticeSeverity::Ok);
-    let mut verdict = PageSection::new("Verdicts")
-        .part(PagePart::Verdict)
-        .table(table.with_verdicts("verdict", severities));
+    let verdict = PageSection::new("Answers and verdicts").part(PagePart::Verdict);
+    let mut verdict = answer.iter().fold(verdict, PageSection::paragraph);
+    verdict = verdict.table(table.with_verdicts("verdict", severities));
     if !all_pass {
         let to_do = format!("What to do about a filter that does not pass{}.", link("overconfident"));
         verdict = verdict.paragraph(to_do);
     }
-    if left_out > 0 {
-        let text =
-            format!("The figures show {MOST} trajectories; {left_out} more are left out: name fewer runs.");
+    if runs.len() > MOST || left_out > 0 {
+        let text = format!(
+            "The pictures show the first {MOST} runs and the first {PICTURED} segments; compare fewer runs to see the others."
+        );
         verdict = verdict.notice(NoticeSeverity::Warning, text);
     }
-    let answer = figures.into_iter().fold(PageSection::new("Motion"), PageSection::figure);
     let made = PageSection::made(
         "compare",
         env!("CARGO_PKG_VERSION"),
         "The numbers are those of the results, which are named above.",
     );
-    let page = Page::new("Runs compared", names.join(", ")).with(verdict).with(answer).with(made);
-    Ok(explained(page).to_html()?)
-}
-
-impl ComparedRun {
-    fn read(folder: &Path) -> Result<Self, CompareError> {
-        let wrong = |path: &Path, why: &dyn std::fmt::Display| CompareError::Run {
-            path: path.to_owned(),
-            why: why.to_string(),
-        };
-        let file = folder.join("metrics.json");
-        let text = fs::read(&file).map_err(|e| wrong(&file, &e))?;
-        let metrics: Value = serde_json::from_slice(&text).map_err(|e| wrong(&file, &e))?;
-        if !metrics.get("recordings").is_some_and(Value::is_array) {
-            return Err(wrong(&file, &"it names no recordings"));
-        }
-        let mut trajectories = BTreeMap::new();
-        for entry in fs::read_dir(folder).map_err(|e| wrong(folder, &e))? {
-            let path = entry.map_err(|e| wrong(folder, &e))?.path();
-            let name = path.file_stem().and_then(std::ffi::OsStr::to_str).unwrap_or_default().to_owned();
-            if name.contains("trajectory_") && path.extension().is_some_and(|ending| ending == "csv") {
-                let read = ComparedTrajectory::read(&path).map_err(|why| wrong(&path, &why))?;
-                trajectories.insert(name, read);
-            }
-        }
-        let name = folder
-            .file_name()
-            .map_or_else(|| folder.display().to_string(), |name| name.to_string_lossy().into_owned());
-        Ok(Self { name, metrics, trajectories })
+    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
+    let mut page = Page::new("Runs compared", names.join(", ")).with(verdict);
+    if !motion.blocks.is_empty() {
+        page = page.with(motion);
     }
+    Ok(Comparison { answer, html: explained(page.with(made)).to_html()? })
 }
 
-impl ComparedTrajectory {
-    fn read(path: &Path) -> Result<Self, String> {
-        let file = File::open(path).map_err(|e| e.to_string())?;
-        let mut rows = csv::Reader::from_reader(BufReader::new(file));
-        let heads: Vec<String> =
-            rows.headers().map_err(|e| e.to_string())?.iter().map(str::to_owned).collect();
-        if heads.first().map(String::as_str) != Some("time_s") {
-            return Err(format!(
-                "its first column is `{}`; expected `time_s`",
-                heads.first().map_or("", String::as_str)
-            ));
-        }
-        let end = heads.iter().position(|head| head.starts_with("innovation_")).unwrap_or(heads.len());
-        // Each state has its standard deviation behind it, or none has.
-        let claims = heads.get(2).is_some_and(|head| head.contains("_sd_"));
-        let states: Vec<usize> = (1..end).step_by(if claims { 2 } else { 1 }).collect();
-        let mut track = Track::new(3 * states.len());
-        let mut values = vec![f64::NAN; 3 * states.len()];
-        for row in rows.records() {
-            let row = row.map_err(|e| e.to_string())?;
-            let number =
-                |place: usize| row.get(place).and_then(|cell| cell.parse::<f64>().ok()).unwrap_or(f64::NAN);
-            for (place, column) in states.iter().enumerate() {
-                let factor = shown(&heads[*column]).2;
-                let (mean, sd) =
-                    (factor * number(*column), if claims { factor * number(column + 1) } else { f64::NAN });
-                values[3 * place..3 * place + 3].copy_from_slice(&[mean, mean - 3.0 * sd, mean + 3.0 * sd]);
-            }
-            track.push(number(0), &values);
-        }
-        Ok(Self { states: states.into_iter().map(|column| heads[column].clone()).collect(), track, claims })
+/// How far each run's answer for a segment is from that of the first run, with the place of the run.
+fn differences(runs: &[ComparedRun], prefix: &str) -> Result<Vec<(usize, AnswerDifference)>, CompareError> {
+    let Some(base) = runs.first().and_then(|run| run.segment(prefix)) else { return Ok(Vec::new()) };
+    let mut found = Vec::new();
+    for (place, run) in runs.iter().enumerate().take(MOST).skip(1) {
+        let Some(own) = run.segment(prefix) else { continue };
+        let wrong = |why| CompareError::Run { path: PathBuf::from(&run.name), why };
+        found.push((place, own.minus(base).map_err(wrong)?));
     }
+    Ok(found)
 }
 
-/// A column as people read it: its name, its unit, and how many of that one of the column's unit is.
-fn shown(column: &str) -> (String, &str, f64) {
-    let units = ["_rad_per_s2", "_rad_per_s", "_m_per_s2", "_m_per_s"];
-    let at = units.iter().find_map(|unit| column.strip_suffix(unit)).map(str::len);
-    let at = at.or_else(|| column.rfind('_')).unwrap_or(column.len());
-    let (name, unit) = (column[..at].replace('_', " "), column.get(at + 1..).unwrap_or("1"));
-    match unit {
-        "rad" => (name, "deg", 1_f64.to_degrees()),
-        "rad_per_s" => (name, "rad/s", 1.0),
-        "m_per_s" => (name, "m/s", 1.0),
-        "m_per_s2" => (name, "m/s^2", 1.0),
-        unit => (name, unit, 1.0),
-    }
+/// How far a run's answer is from that of the first run, as a sentence.
+fn apart(runs: &[ComparedRun], prefix: &str, place: usize, found: &AnswerDifference) -> Option<String> {
+    let (name, unit, _) = shown(found.states.first()?);
+    let of = prefix.trim_end_matches('_');
+    let of = if of.is_empty() { String::new() } else { format!("{of}, ") };
+    let rms = found.rms.is_finite().then(|| quantity(significant_value(found.rms), unit));
+    let rms = rms
+        .map_or_else(|| "no time in common".to_owned(), |rms| format!("{rms} rms after the settling time"));
+    Some(format!("{} minus {}: {of}{name}: {rms}", runs.get(place)?.name, runs.first()?.name))
 }
 
-/// Each filter of each run with its verdict and its figures.
+/// Each filter of each run with its verdict and its metrics.
 fn verdicts(runs: &[ComparedRun]) -> (TextTable, Vec<NoticeSeverity>) {
     let columns = [
         ColumnHead::text("run"),
@@ -179,22 +139,18 @@ fn verdicts(runs: &[ComparedRun]) -> (TextTable, Vec<NoticeSeverity>) {
     ];
     let mut table = TextTable::new("", columns);
     let mut severities = Vec::new();
-    let list =
-        |value: &Value, key: &str| value.get(key).and_then(Value::as_array).cloned().unwrap_or_default();
-    let text =
-        |value: &Value, key: &str| value.get(key).and_then(Value::as_str).unwrap_or_default().to_owned();
     for run in runs {
-        for recording in list(&run.metrics, "recordings") {
-            for segment in list(&recording, "segments") {
-                let place = [text(&recording, "name"), text(&segment, "label")].join(" ");
-                for filter in list(&segment, "estimators") {
+        for recording in entries(&run.metrics, "recordings") {
+            for segment in entries(recording, "segments") {
+                let place = [text(recording, "name"), text(segment, "label")].join(" ");
+                for filter in entries(segment, "estimators") {
                     let number = |path: &str, digits: usize| {
                         let found = filter.pointer(path).and_then(Value::as_f64);
                         found.map_or_else(|| "–".to_owned(), |value| format!("{value:.digits$}"))
                     };
-                    let grade = text(&filter, "grade");
-                    let verdict = if grade.is_empty() { text(&filter, "verdict") } else { grade };
-                    severities.push(match verdict.as_str() {
+                    let grade = text(filter, "grade");
+                    let verdict = if grade.is_empty() { text(filter, "verdict") } else { grade };
+                    severities.push(match verdict {
                         "passes" => NoticeSeverity::Ok,
                         "doubtful" => NoticeSeverity::Warning,
                         "failed" | "no_estimate" | "astray" => NoticeSeverity::Failure,
@@ -203,7 +159,7 @@ fn verdicts(runs: &[ComparedRun]) -> (TextTable, Vec<NoticeSeverity>) {
                     table.push([
                         run.name.clone(),
                         place.trim().to_owned(),
-                        text(&filter, "name"),
+                        text(filter, "name").to_owned(),
                         verdict.replace('_', " "),
                         number("/errors/angle/rmse_deg", 4),
                         number("/consistency/mean_nis", 3),
@@ -216,39 +172,73 @@ fn verdicts(runs: &[ComparedRun]) -> (TextTable, Vec<NoticeSeverity>) {
     (table, severities)
 }
 
-/// A figure for each state that a trajectory has, all runs in it; and how many trajectories are not shown.
-fn overlays(runs: &[ComparedRun]) -> (Vec<Figure>, usize) {
-    let all: Vec<(String, &ComparedTrajectory)> = (runs.iter())
-        .flat_map(|run| {
-            let named = run.trajectories.iter();
-            named.map(move |(name, one)| {
-                (format!("{}: {}", run.name, name.replace("trajectory_", "").replace('_', " ")), one)
-            })
-        })
+/// The panels of a figure over time, each with the states of this column.
+fn over_time<'a>(
+    figure: Figure,
+    states: impl Iterator<Item = &'a String>,
+    of: impl Fn(&str) -> Vec<Series>,
+) -> Figure {
+    states.enumerate().fold(figure, |figure, (number, state)| {
+        let (label, unit, _) = shown(state);
+        let panel = Panel::new(Axis::new("time", "s"), Axis::new(label, unit));
+        let panel = of(state).into_iter().fold(panel, Panel::with);
+        figure.with(if number > 0 { panel.sharing_x() } else { panel })
+    })
+}
+
+/// The states of a segment by all runs, a colour for each run.
+fn overlay(runs: &[ComparedRun], prefix: &str) -> Figure {
+    let own: Vec<(usize, &ComparedRun, &ComparedSegment)> = (runs.iter().enumerate().take(MOST))
+        .filter_map(|(place, run)| Some((place, run, run.segment(prefix)?)))
         .collect();
-    let shown_ones = &all[..all.len().min(MOST)];
     let mut states: Vec<&String> = Vec::new();
-    for state in shown_ones.iter().flat_map(|(_, one)| &one.states) {
+    for state in own.iter().flat_map(|(.., segment)| &segment.states) {
         if !states.contains(&state) {
             states.push(state);
         }
     }
-    let panels = states.into_iter().enumerate().map(|(number, state)| {
-        let (label, unit, _) = shown(state);
-        let mut panel = Panel::new(Axis::new("time", "s"), Axis::new(label, unit));
-        for (name, one) in shown_ones {
-            let Some(place) = one.states.iter().position(|own| own == state) else { continue };
-            let place = 3 * place;
-            if one.claims {
-                panel =
-                    panel.with(Series::of_track("", SeriesRole::Other, &one.track, [place + 1, place + 2]));
-            }
-            panel =
-                panel.with(Series::of_track(name.as_str(), SeriesRole::Other, &one.track, [place, place]));
-        }
-        if number > 0 { panel.sharing_x() } else { panel }
-    });
-    let caption = "The states of all runs over one another, with three standard deviations on each side where a filter claims some.";
-    let figure = panels.fold(Figure::new("compared", "States", caption), Figure::with);
-    (if figure.panels.is_empty() { Vec::new() } else { vec![figure] }, all.len() - shown_ones.len())
+    let series = |state: &str| {
+        let of_run = |(place, run, one): &(usize, &ComparedRun, &ComparedSegment)| {
+            let column = 3 * one.states.iter().position(|own| own == state)?;
+            let name = format!("{}: {}", run.name, one.filter);
+            let band = Series::of_track("", SeriesRole::Other, &one.track, [column + 1, column + 2]);
+            let line = Series::of_track(name, SeriesRole::Other, &one.track, [column, column]);
+            let band = one.claims.then(|| band.of_colour(*place));
+            Some(band.into_iter().chain([line.of_colour(*place)]))
+        };
+        own.iter().filter_map(of_run).flatten().collect()
+    };
+    let caption = "The states by the filter of each run that answers, a colour for each run, with three standard deviations on each side where \
+                   it claims some.";
+    let figure = Figure::new(format!("{prefix}compared"), titled("States", prefix), caption);
+    over_time(figure, states.into_iter(), series)
+}
+
+/// What each run's answer has more than that of the first run; `None` if there is nothing to subtract.
+fn differences_figure(
+    runs: &[ComparedRun],
+    prefix: &str,
+    found: &[(usize, AnswerDifference)],
+) -> Option<Figure> {
+    let first = &runs.first()?.name;
+    let (_, any) = found.first()?;
+    let series = |state: &str| {
+        let of_run = |(place, one): &(usize, AnswerDifference)| {
+            let column = one.states.iter().position(|own| own == state)?;
+            let name = format!("{} minus {first}", runs.get(*place)?.name);
+            Some(Series::of_track(name, SeriesRole::Other, &one.track, [column, column]).of_colour(*place))
+        };
+        found.iter().filter_map(of_run).collect()
+    };
+    let caption = format!(
+        "What each run has more than {first} at the same time, in the colour of the run; between its samples {first} goes along straight lines."
+    );
+    let figure = Figure::new(format!("{prefix}differences"), titled("Differences", prefix), caption);
+    Some(over_time(figure, any.states.iter(), series))
+}
+
+/// The title of a picture of a segment.
+fn titled(what: &str, prefix: &str) -> String {
+    let of = prefix.trim_end_matches('_');
+    if of.is_empty() { what.to_owned() } else { format!("{what}: {of}") }
 }

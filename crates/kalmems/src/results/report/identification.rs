@@ -6,10 +6,10 @@ use crate::inspect::{fitting_unit, quantity};
 use crate::recording::RecordingSource;
 use crate::results::{Output, ResultWriteError, way_from};
 use crate::results::{RunInfo, RunTiming};
-use crate::topics::{explained, link, topic};
+use crate::topics::{explained, link, topic, warning_line};
 use kalmems_core::Portable;
 use kalmems_figures::{
-    ColumnHead, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant,
+    ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant,
 };
 use serde::Serialize;
 use std::io;
@@ -86,7 +86,7 @@ impl<'a> IdentificationSummary<'a> {
                 &format!("\n{}: most correlated: {a} and {b}, {:+.3}\n", pair.recording, pair.correlation);
         }
         for warning in self.warnings {
-            text += &format!("\nWARNING: {warning}\n");
+            text += &format!("\n{}\n", warning_line(warning, "identified"));
         }
         for one in self.undetermined {
             text += &format!("\nnot determined: {}: {}\n", one.what, one.why);
@@ -102,6 +102,9 @@ impl<'a> IdentificationSummary<'a> {
         text
     }
 }
+
+/// Pictures of fits that a page shows at once; the others are folded away.
+const PICTURES: usize = 3;
 
 /// The report of an identification: the page's text, which needs nothing else.
 pub fn identification_page(found: &Identification) -> Result<String, ReportError> {
@@ -141,7 +144,14 @@ pub fn identification_page(found: &Identification) -> Result<String, ReportError
     if !pairs.rows.is_empty() {
         evidence = evidence.table(pairs);
     }
-    let evidence = found.figures.iter().cloned().fold(evidence, PageSection::figure);
+    let (first, further) = found.figures.split_at(found.figures.len().min(PICTURES));
+    let with_figures =
+        |section: PageSection, figures: &[Figure]| figures.iter().cloned().fold(section, PageSection::figure);
+    let evidence = with_figures(evidence, first);
+    let further = (!further.is_empty()).then(|| {
+        let section = PageSection::new("Further fits").part(PagePart::Evidence).folded(true);
+        with_figures(section, further)
+    });
     let toml = found.experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
     let made = PageSection::made(
         "identify",
@@ -154,9 +164,8 @@ pub fn identification_page(found: &Identification) -> Result<String, ReportError
     let page = Page::new(format!("{}: parameters from recordings", found.experiment.name), subtitle)
         .with(verdict.notes(summary.notes.to_vec()))
         .with(PageSection::new("Parameters").table(summary.table()))
-        .with(evidence)
-        .with(made);
-    explained(page).to_html()
+        .with(evidence);
+    explained(further.into_iter().fold(page, Page::with).with(made)).to_html()
 }
 
 /// Numbers that an identification names before its table.

@@ -6,6 +6,7 @@ use crate::topics::{explained, link};
 use kalmems_figures::{
     Axis, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, ReportError, Series, SeriesRole, Track,
 };
+use std::ops::Range;
 use std::path::Path;
 
 /// Columns of the picture, each drawn from its smallest to its largest sample.
@@ -49,6 +50,32 @@ fn panel(channel: &InspectedChannel, series: &inspect::ChannelSeries, timed: boo
 /// Groups of samples of a channel on a page.
 const GROUPS: usize = 16_384;
 
+/// Every channel over these rows of the longest segment, with identifier, title and caption.
+fn channels_figure(
+    inspection: &Inspection,
+    rows: Range<usize>,
+    (id, title, caption): (&str, &str, &str),
+) -> Figure {
+    let (time, unit) = if inspection.time.is_some() { ("time", "s") } else { ("sample", "1") };
+    let panels = inspection.channels.iter().filter_map(|channel| {
+        let series = inspection.series(&channel.column, rows.clone(), GROUPS)?;
+        let groups = series.start.iter().zip(series.minimum.iter().zip(&series.maximum));
+        let groups = groups.map(|(t, (low, high))| (*t, *low, *high));
+        let track = Track::of_groups(rows.len().div_ceil(series.start.len().max(1)), groups);
+        let axis = Axis::new(channel.column.clone(), channel.si_unit.clone());
+        Some(Panel::new(Axis::new(time, unit), axis).with(Series::of_track(
+            "",
+            SeriesRole::Measured,
+            &track,
+            [0, 0],
+        )))
+    });
+    panels.fold(Figure::new(id, title, caption), |figure, panel| {
+        let is_first = figure.panels.is_empty();
+        figure.with(if is_first { panel } else { panel.sharing_x() })
+    })
+}
+
 /// What a recording holds as a page: its text, which needs nothing else.
 pub fn inspection_page(inspection: &Inspection) -> Result<String, ReportError> {
     let verdict = PageSection::new("What was found").part(PagePart::Verdict);
@@ -60,27 +87,25 @@ pub fn inspection_page(inspection: &Inspection) -> Result<String, ReportError> {
             format!("It cannot be used as a recording as it is; the diagnosis says why{}.", link("findings")),
         )
     };
-    let mut figure = Figure::new("channels", "Channels", "Every channel of the longest segment.");
+    let text = inspection.to_text();
+    let verdict = text.lines().next().into_iter().fold(verdict, PageSection::paragraph);
+    let mut page = Page::new(format!("{}: what it holds", inspection.source.file), "")
+        .with(verdict.preformatted("The diagnosis", text.as_str()));
+    // A view of one of the pictures is none of the other.
+    let channels = |title: &str, rows: Range<usize>, (id, caption): (&str, &str)| {
+        let figure = channels_figure(inspection, rows, (id, title, caption));
+        PageSection::new(title).of_time(title).figure(figure)
+    };
+    if let Some(rows) = inspection.close_up() {
+        let caption = "The last cycles of every channel, which cannot be seen in the whole record.";
+        page = page.with(channels("The last cycles", rows, ("last-cycles", caption)));
+    }
     if let Some(segment) = inspection.longest_segment() {
-        let (time, unit) = if inspection.time.is_some() { ("time", "s") } else { ("sample", "1") };
-        for channel in &inspection.channels {
-            let Some(series) = inspection.series(&channel.column, 0..segment.rows, GROUPS) else { continue };
-            let groups = series.start.iter().zip(series.minimum.iter().zip(&series.maximum));
-            let groups = groups.map(|(t, (low, high))| (*t, *low, *high));
-            let track = Track::of_groups(segment.rows.div_ceil(series.start.len().max(1)), groups);
-            let panel =
-                Panel::new(Axis::new(time, unit), Axis::new(channel.column.clone(), channel.si_unit.clone()))
-                    .with(Series::of_track("", SeriesRole::Measured, &track, [0, 0]));
-            let is_first = figure.panels.is_empty();
-            figure = figure.with(if is_first { panel } else { panel.sharing_x() });
-        }
+        let caption = "Every channel of the longest segment.";
+        page = page.with(channels("The whole record", 0..segment.rows, ("channels", caption)));
     }
     let made = PageSection::made("inspect", env!("CARGO_PKG_VERSION"), "");
-    let page = Page::new(format!("{}: what it holds", inspection.source.file), "")
-        .with(verdict.preformatted("The diagnosis", inspection.to_text()))
-        .with(PageSection::new("Channels").figure(figure))
-        .with(made);
-    explained(page).to_html()
+    explained(page.with(made)).to_html()
 }
 
 /// Draws every channel of the longest segment to an SVG file; see [`write_picture`].

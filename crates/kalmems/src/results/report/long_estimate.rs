@@ -117,7 +117,7 @@ impl<'a> LongEstimate<'a> {
     /// The recording's name where there are several, the segment's where it has one.
     fn prefix(&self, part: &PartOutcome, segment: &Segment) -> String {
         let (several, label) = (self.experiment.recordings.len() > 1, segment.label.as_str());
-        of_parts([(several, &part.outcome.name), (!label.is_empty(), label)], segment)
+        of_parts([(several, &part.outcome.name), (!label.is_empty(), label)], segment.stretch.number)
     }
 
     fn trajectories(&mut self, part: &PartOutcome, outcome: &SegmentOutcome) -> Result<(), ResultWriteError> {

@@ -16,6 +16,55 @@ use std::fmt::Write as _;
 use std::io;
 use std::path::Path;
 
+/// Facts that say how the device moves; the first of them that is known answers.
+const MOTION: [&str; 5] = [
+    "steady_deg_at_hz",
+    "motion_rad_and_rad_per_s",
+    "closed_loop_bandwidth_hz",
+    "resonance_hz_quality_rad_per_s_per_v",
+    "mode_hz_and_damping_ratio",
+];
+
+/// Facts that say how well the motion can be known; likewise.
+const UNCERTAINTY: [&str; 3] = ["causal_wiener_mg", "standard_deviations_at_the_end", "one_sample_nm"];
+
+/// What can be said of a device before a recording, with the answer first.
+#[derive(Serialize)]
+pub struct AnsweredOutlook<'a> {
+    /// How the device moves, and how well that can be known; a sentence each.
+    pub answer: Vec<&'a str>,
+    /// All that can be said.
+    #[serde(flatten)]
+    pub outlook: &'a Outlook,
+}
+
+impl<'a> AnsweredOutlook<'a> {
+    /// The answer is taken from the facts.
+    pub fn of(outlook: &'a Outlook) -> Self {
+        let first = |names: &[&str]| names.iter().find_map(|name| Some(outlook.fact(name)?.text.as_str()));
+        let answer = [first(&MOTION), first(&UNCERTAINTY)].into_iter().flatten().collect();
+        Self { answer, outlook }
+    }
+
+    /// In words.
+    pub fn to_text(&self) -> String {
+        let answer: String = self.answer.iter().map(|sentence| format!("{sentence}\n")).collect();
+        let space = if answer.is_empty() { "" } else { "\n" };
+        format!("{answer}{space}{}", self.outlook.to_text())
+    }
+}
+
+/// The point at which the experiment drives the device, where it has a steady motion there: the drive's frequency in Hz, the amplitude in deg.
+fn operating_point(outlook: &Outlook) -> Option<[f64; 2]> {
+    let [amplitude, frequency_hz] = *outlook.fact("steady_deg_at_hz")?.values.as_slice() else { return None };
+    Some([frequency_hz, amplitude])
+}
+
+/// A point with a text, as what the experiment does.
+fn operating(point: [f64; 2], text: String) -> Series {
+    Series::written("the experiment's drive", SeriesRole::Input, [(point[0], point[1], text)])
+}
+
 /// Amplitude over frequency, the map of stability, and what the signal tells; those of them for which there are data.
 pub fn outlook_figures(outlook: &Outlook) -> Vec<Figure> {
     let sweep = outlook.response.as_ref().map(|response| {
@@ -25,7 +74,7 @@ pub fn outlook_figures(outlook: &Outlook) -> Vec<Figure> {
             "Sweeps are simulated, each frequency from the motion at the one before; the wide and the dashed line are by \
              harmonic balance. Where the two ways differ, the unstable motion lies between.",
         )
-        .with(response_panel(response))
+        .with(response_panel(response, operating_point(outlook)))
     });
     let map = outlook.start.as_ref().map(|start| {
         Figure::new(
@@ -34,7 +83,7 @@ pub fn outlook_figures(outlook: &Outlook) -> Vec<Figure> {
             "The growth rate of a small motion about rest, by integration over one period of the drive; the waveform keeps \
              its shape over its size. The dashed lines are the tongue to first order in the pump depth.",
         )
-        .with(stability_panel(start))
+        .with(stability_panel(start, operating_point(outlook)))
     });
     let tells = (!outlook.information.is_empty()).then(|| {
         Figure::new(
@@ -60,7 +109,7 @@ pub fn outlook_figures(outlook: &Outlook) -> Vec<Figure> {
 }
 
 /// Both sweeps and the balance.
-fn response_panel(response: &AmplitudeResponse) -> Panel {
+fn response_panel(response: &AmplitudeResponse, operating_at: Option<[f64; 2]>) -> Panel {
     let points = |sweep: &[SweepPoint]| -> Vec<(f64, f64)> {
         sweep.iter().map(|point| (point.drive_hz, point.amplitude.to_degrees())).collect()
     };
@@ -80,13 +129,15 @@ fn response_panel(response: &AmplitudeResponse) -> Panel {
         panel = panel.with(Series::line(if *named { "" } else { label }, role, line));
         *named = true;
     }
-    panel
+    let panel = panel
         .with(Series::line("simulated, sweeping down", SeriesRole::Estimate, points(&response.sweeps.down)))
-        .with(Series::points("simulated, sweeping up", SeriesRole::Model, points(&response.sweeps.up)))
+        .with(Series::points("simulated, sweeping up", SeriesRole::Model, points(&response.sweeps.up)));
+    let own = operating_at.map(|point| operating(point, format!("{:.2}°", point[1])));
+    own.into_iter().fold(panel, Panel::with)
 }
 
 /// The map with the tongue over it.
-fn stability_panel(start: &SmallMotionGrowth) -> Panel {
+fn stability_panel(start: &SmallMotionGrowth, operating_at: Option<[f64; 2]>) -> Panel {
     let volts: Vec<f64> = start.map.factor.iter().map(|factor| factor * start.peak_volts).collect();
     let edges =
         start.tongue_hz.iter().zip(&volts).filter_map(|(tongue, volts)| Some((tongue.as_ref()?, *volts)));
@@ -104,7 +155,11 @@ fn stability_panel(start: &SmallMotionGrowth) -> Panel {
     let panel = Panel::new(Axis::new("drive frequency", "Hz"), Axis::new("largest drive voltage", "V"))
         .with(Series::map("rest becomes unstable", grid))
         .with(Series::line("tongue to first order", SeriesRole::Bound, tongue));
-    panel.with(Series::level("the experiment's drive", SeriesRole::Input, start.peak_volts))
+    let text = format!("{:.0} V", start.peak_volts);
+    panel.with(match operating_at {
+        Some([frequency_hz, _]) => operating([frequency_hz, start.peak_volts], text),
+        None => Series::level("the experiment's drive", SeriesRole::Input, start.peak_volts),
+    })
 }
 
 /// A line over frequency.
@@ -192,16 +247,18 @@ pub fn outlook_page(outlook: &Outlook, experiment: &Experiment) -> Result<String
     let subtitle = experiment.description.clone().unwrap_or_default();
     let mut page =
         Page::new(format!("{}: what can be said before a recording", outlook.experiment), subtitle);
-    for (place, topic) in outlook.topics.iter().enumerate() {
-        let part = if place == 0 { PagePart::Verdict } else { PagePart::Answer };
-        let section = PageSection::new(with_capital(topic.title)).part(part);
-        page = page
-            .with(topic.facts.iter().fold(section, |section, fact| section.paragraph(fact.text.as_str())));
+    let answer = AnsweredOutlook::of(outlook).answer;
+    if !answer.is_empty() {
+        let section = PageSection::new("Answer").part(PagePart::Verdict);
+        page = page.with(answer.into_iter().fold(section, PageSection::paragraph));
     }
     let figures = outlook_figures(outlook);
     if !figures.is_empty() {
-        let section = PageSection::new("Pictures").part(PagePart::Evidence);
-        page = page.with(figures.into_iter().fold(section, PageSection::figure));
+        page = page.with(figures.into_iter().fold(PageSection::new("Pictures"), PageSection::figure));
+    }
+    for topic in &outlook.topics {
+        let facts = topic.facts.iter().map(|fact| fact.text.clone()).collect();
+        page = page.with(PageSection::new(with_capital(topic.title)).part(PagePart::Evidence).list(facts));
     }
     let toml = experiment.to_toml().unwrap_or_else(|e| format!("cannot be written: {e}"));
     let beside =
@@ -228,9 +285,10 @@ pub fn write_outlook(
         let _ = write!(digest, "{byte:02x}");
     }
     let input_id = format!("{}: outlook {digest}", experiment.name);
-    output.write("outlook.txt", |w| w.write_all(outlook.to_text().as_bytes()))?;
+    let answered = AnsweredOutlook::of(outlook);
+    output.write("outlook.txt", |w| w.write_all(answered.to_text().as_bytes()))?;
     output.write("outlook.json", |w| {
-        serde_json::to_writer_pretty(&mut *w, outlook)?;
+        serde_json::to_writer_pretty(&mut *w, &answered)?;
         writeln!(w)
     })?;
     let html = outlook_page(outlook, experiment)?;

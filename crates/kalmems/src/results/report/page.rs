@@ -36,6 +36,9 @@ pub(in crate::results) fn page(outcome: &Outcome, metrics: &Metrics) -> (Page, V
     (page, pictured.cloned().collect())
 }
 
+/// Segments up to which each has a tab; of more each has sections with its name.
+const TABS: usize = 24;
+
 /// The page with these figures, segment by segment of each recording.
 pub(super) fn page_with(
     (experiment, rig): (&Experiment, &str),
@@ -46,22 +49,31 @@ pub(super) fn page_with(
     let mut page = Page::new(experiment.name.to_string(), subtitle).with(verdict(metrics));
     page = undetermined(metrics).into_iter().fold(page, Page::with);
     let none = SegmentFigures::default();
-    let is_alone = metrics.recordings.iter().map(|recording| recording.segments.len()).sum::<usize>() == 1;
+    let segments = metrics.recordings.iter().map(|recording| recording.segments.len()).sum::<usize>();
+    let are_tabs = (2..=TABS).contains(&segments);
     let mut is_first = true;
     for (recording, drawn) in metrics.recordings.iter().zip(drawn) {
         for (index, segment) in recording.segments.iter().enumerate() {
             let name = segment_name(&recording.name, segment);
             let drawn = drawn.get(index).unwrap_or(&none);
-            let title = |what: &str| if is_alone { what.to_owned() } else { format!("{name}: {what}") };
+            let title =
+                |what: &str| if segments <= TABS { what.to_owned() } else { format!("{name}: {what}") };
             let section = |what: &str, part: PagePart, figures: &[Figure]| {
-                // What is asked for first is the motion in the first segment.
-                let is_folded = part != PagePart::Answer || !is_first;
+                // What is asked for first is the motion.
+                let is_folded = part != PagePart::Answer || !(is_first || are_tabs);
                 let section = PageSection::new(title(what)).part(part).of_time(&name).folded(is_folded);
+                let section = if are_tabs { section.in_tab(&name) } else { section };
                 figures.iter().cloned().fold(section, PageSection::figure)
             };
+            for (what, part, figures) in [
+                ("Motion", PagePart::Answer, &drawn.answer),
+                ("Against the reference, and consistency", PagePart::Evidence, &drawn.judged),
+            ] {
+                if !figures.is_empty() {
+                    page = page.with(section(what, part, figures));
+                }
+            }
             page = page
-                .with(section("Motion", PagePart::Answer, &drawn.answer))
-                .with(section("Against the reference, and consistency", PagePart::Evidence, &drawn.judged))
                 .with(section("Innovations", PagePart::Evidence, &drawn.innovations).table(tests(segment)))
                 .with(
                     section("Inputs", PagePart::Made, &[])
@@ -112,14 +124,15 @@ fn verdict(metrics: &Metrics) -> PageSection {
     for answer in &metrics.answer {
         section = section.paragraph(answer);
     }
-    let short = notices_in_short(metrics, "below:");
+    let short = notices_in_short(metrics);
     for severity in [NoticeSeverity::Failure, NoticeSeverity::Warning, NoticeSeverity::Ok] {
         let own = short.iter().filter(|notice| notice.severity == severity);
         section = section.findings(severity, own.map(Notice::sentence).collect());
     }
-    let boxed = short.iter().filter(|notice| notice.severity != NoticeSeverity::Note).count();
-    let all = format!("All {} findings", reasons.len());
-    let all = (boxed < reasons.len()).then_some((all, reasons));
+    let is_whole = reasons.iter().all(|reason| reason.severity == NoticeSeverity::Ok);
+    let all =
+        if reasons.len() == 1 { "The finding".to_owned() } else { format!("All {} findings", reasons.len()) };
+    let all = (!is_whole).then_some((all + " in full", reasons));
     let table = summary_table(metrics, false).with_verdicts("verdict", summary_grades(metrics));
     let section = all.into_iter().fold(section.table(table), |section, (all, reasons)| {
         let each = reasons.iter().map(|notice| (notice.severity, notice.sentence()));
@@ -146,14 +159,15 @@ fn undetermined(metrics: &Metrics) -> Option<PageSection> {
     (!items.is_empty()).then(|| section.list(items))
 }
 
+/// Rows of the budgets up to which they are in sight.
+const BUDGET_ROWS: usize = 12;
+
 /// What the claimed uncertainty is due to; `None` if there is no budget.
 fn budget(metrics: &Metrics) -> Option<PageSection> {
-    // Of many segments it is long.
-    let is_folded = metrics.recordings.iter().map(|recording| recording.segments.len()).sum::<usize>() > 1;
-    let mut section = PageSection::new("Uncertainty").part(PagePart::Budget).folded(is_folded);
-    if let Some(table) = budget_table(metrics) {
-        section = section.table(table);
-    }
+    let table = budget_table(metrics);
+    let is_long = table.as_ref().is_some_and(|table| table.rows.len() > BUDGET_ROWS);
+    let mut section = PageSection::new("Uncertainty").part(PagePart::Budget).folded(is_long);
+    section = table.into_iter().fold(section, PageSection::table);
     if !metrics.held_as_exact.is_empty() {
         let text = "Held as exact, since the device's table states no uncertainty of them: ";
         section = section.paragraph(format!("{text}{}.", metrics.held_as_exact.join(", ")));
