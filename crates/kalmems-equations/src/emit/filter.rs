@@ -156,6 +156,9 @@ impl Context<'_> {
         periods: &[(usize, f64)],
     ) {
         let (size, moving) = (self.model.size, self.model.moving);
+        for (i, value) in next.iter().enumerate() {
+            routine.label(*value, format!("next_{}", self.names.plain_state(i)));
+        }
         let tape = &mut routine.tape;
         for (i, value) in next.iter().enumerate() {
             let period = periods.iter().find(|(state, _)| *state == i).map(|(_, p)| p / units.scale(i));
@@ -165,6 +168,12 @@ impl Context<'_> {
         if self.request.gain != EmitGain::Covariance {
             return;
         }
+        for (i, row) in jacobian.iter().enumerate() {
+            for (j, entry) in row.iter().enumerate() {
+                routine.label(*entry, format!("f{i}_{j}"));
+            }
+        }
+        let tape = &mut routine.tape;
         let (zero, one) = (tape.literal(0.0), tape.literal(1.0));
         jacobian.extend((moving..size).map(|i| (0..size).map(|j| if i == j { one } else { zero }).collect()));
         let p = covariance(tape, size);
@@ -176,6 +185,7 @@ impl Context<'_> {
         let at = |matrix: &OpMatrix, i: usize, j: usize| {
             matrix.get(i).and_then(|row| row.get(j)).copied().unwrap_or(zero)
         };
+        let mut products = Vec::new();
         for i in 0..size {
             for j in 0..=i {
                 // Σ (F·P)ₖ·F, with the rows' roles as fewer operations need them.
@@ -191,12 +201,14 @@ impl Context<'_> {
                         let term = tape.multiply(at(&jacobian, left, l), at(&p, l, k));
                         product = tape.add(product, term);
                     }
+                    products.push((product, format!("fp{left}_{k}")));
                     let term = tape.multiply(product, factor);
                     sum = tape.add(sum, term);
                 }
                 routine.outputs.push((StorageArray::Covariance, i * (i + 1) / 2 + j, sum));
             }
         }
+        products.into_iter().for_each(|(product, name)| routine.label(product, name));
     }
 
     /// Qᵢⱼ in the filter's units; what is too small for 32 bits is nothing beside any covariance.
@@ -238,8 +250,10 @@ impl Context<'_> {
             }
             routine.variance = settled.map(|settled| tape.literal(settled.variance / variance));
         } else {
-            joseph(&mut routine, *residual, h, &x);
+            let names: Vec<&str> = (0..size).map(|i| self.names.plain_state(i)).collect();
+            joseph(&mut routine, *residual, (h, &x), &names);
         }
+        routine.label(*residual, "innovation".to_owned());
         routine.residual = Some(*residual).filter(|_| !is_event);
         Ok(routine)
     }
@@ -283,7 +297,7 @@ fn wrapped(tape: &mut Tape, value: TapeId, period: f64) -> TapeId {
 ///
 /// With B = P − k·(P·hᵀ)ᵀ the last is B + (k − B·hᵀ)·kᵀ. The bracket is zero but for rounding, and takes away what
 /// rounding left in B: a correction that is far better than the prediction leaves a variance with all its digits.
-fn joseph(routine: &mut Routine, residual: TapeId, h: &[TapeId], x: &[TapeId]) {
+fn joseph(routine: &mut Routine, residual: TapeId, (h, x): (&[TapeId], &[TapeId]), names: &[&str]) {
     let tape = &mut routine.tape;
     let size = x.len();
     let (zero, one) = (tape.literal(0.0), tape.literal(1.0));
@@ -298,7 +312,6 @@ fn joseph(routine: &mut Routine, residual: TapeId, h: &[TapeId], x: &[TapeId]) {
     let variance = times_h(tape, &g, one);
     let inverse = tape.divide(one, variance);
     let k: Vec<TapeId> = g.iter().map(|g| tape.multiply(*g, inverse)).collect();
-    routine.gains.clone_from(&k);
     let mut b = p;
     for (i, ki) in k.iter().enumerate() {
         for (j, gj) in g.iter().enumerate().take(i + 1) {
@@ -327,4 +340,15 @@ fn joseph(routine: &mut Routine, residual: TapeId, h: &[TapeId], x: &[TapeId]) {
         }
     }
     routine.variance = Some(variance);
+    routine.label(variance, "variance".to_owned());
+    routine.label(inverse, "inverse".to_owned());
+    for ((h, g), (k, name)) in h.iter().zip(&g).zip(k.iter().zip(names)) {
+        routine.label(*h, format!("h_{name}"));
+        routine.label(*g, format!("ph_{name}"));
+        routine.label(*k, format!("gain_{name}"));
+    }
+    for (i, row) in b.iter().enumerate() {
+        row.iter().take(i + 1).enumerate().for_each(|(j, entry)| routine.label(*entry, format!("b{i}_{j}")));
+    }
+    routine.gains = k;
 }

@@ -11,6 +11,7 @@ mod c;
 mod crc;
 mod error;
 mod example_program;
+mod explanation;
 mod exponential;
 mod filter;
 mod interface;
@@ -52,6 +53,8 @@ pub struct EmittedFilter {
     /// The inputs that a step takes in their order, before the measurements of the request: each by its place among the device's inputs and its point of
     /// the interval before the sample, 0 at the start, 1 in the middle and 2 at the end.
     pub inputs: Vec<(usize, usize)>,
+    /// The names of these inputs and, behind them, of the measurements.
+    pub columns: Vec<String>,
     /// The unit of each state in SI, and what it is counted from: x = origin + unit·z.
     pub units: Vec<(f64, f64)>,
     /// How many sums, products, divisions, calls of functions and choices a prediction and the corrections of a sample take,
@@ -134,10 +137,12 @@ impl Device {
             EmitLanguage::Rust => rust::files(self, request, &program)?,
         };
         files.extend(trial::files(self, request, &program, language)?);
+        let interface = Interface::of(self, request, &program);
         let units = program.units.scale.iter().copied().zip(program.units.origins.iter().copied());
         Ok(EmittedFilter {
             files,
-            inputs: Interface::points_of(self, &program, &Interface::of(self, request, &program).step),
+            inputs: Interface::points_of(self, &program, &interface.step),
+            columns: interface.step.into_iter().chain(interface.measured).collect(),
             units: units.collect(),
             operations: program.operations(request, Routine::counts),
             wide_operations: program.operations(request, Routine::wide_counts),

@@ -48,9 +48,14 @@ impl SourceNames {
         names.get(index).map_or("", String::as_str)
     }
 
+    /// A state, to follow on what it is asked of.
+    pub(super) fn plain_state(&self, index: usize) -> &str {
+        Self::at(&self.states, index)
+    }
+
     /// The mean of a state.
     pub(super) fn state(&self, index: usize) -> String {
-        format!("x_{}", Self::at(&self.states, index))
+        format!("x_{}", self.plain_state(index))
     }
 
     /// An input at a point of the interval: `start`, `middle`, `end` as measurements see it, or `last`, the end as a prediction arrives at it.

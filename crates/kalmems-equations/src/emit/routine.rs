@@ -74,6 +74,8 @@ pub(super) struct Routine {
     pub(super) residual: Option<TapeId>,
     /// The gains of a correction.
     pub(super) gains: Vec<TapeId>,
+    /// What the source calls a result that it gives a name, where it has a meaning in the filter's equations.
+    labels: HashMap<TapeId, String>,
     /// Which arrays have 64 bits, and which operations compute with as many; none where the list is shorter.
     pub(super) widths: Widths,
     wide: Vec<bool>,
@@ -101,6 +103,13 @@ pub(super) trait Syntax {
 const LONGEST: usize = 72;
 
 impl Routine {
+    /// The name of a result in the source, if that gives it one. Of two names the first one stays; each name is given once.
+    pub(super) fn label(&mut self, id: TapeId, name: String) {
+        if !self.labels.values().any(|known| *known == name) {
+            self.labels.entry(id).or_insert(name);
+        }
+    }
+
     pub(super) fn is_wide(&self, id: TapeId) -> bool {
         self.wide.get(id.index()).copied().unwrap_or(false)
     }
@@ -334,8 +343,10 @@ impl RoutineWriter<'_> {
             let is_plain = matches!(self.tape.op(id), TapeOp::Name(_));
             let often = self.uses.get(id.index()).is_some_and(|uses| *uses > 1);
             if !is_plain && (often || text.len() > LONGEST) {
-                let name = format!("t{}", self.temporaries);
-                self.temporaries += 1;
+                let name = self.routine.labels.get(&id).cloned().unwrap_or_else(|| {
+                    self.temporaries += 1;
+                    format!("t{}", self.temporaries - 1)
+                });
                 self.statements.push(self.syntax.declare(&name, &text, wide));
                 self.texts.insert(id, (name, 3));
             } else {

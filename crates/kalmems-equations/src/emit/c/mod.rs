@@ -8,6 +8,7 @@ mod parameters;
 mod steps;
 
 use super::error::EmitError;
+use super::explanation;
 use super::filter::FilterProgram;
 use super::interface::{Interface, UpdateFunction, further};
 use super::request::EmitRequest;
@@ -170,6 +171,7 @@ fn source(
     let called: BTreeSet<CalledFunction> = routines.iter().flat_map(|routine| routine.called()).collect();
     let functions = C.functions(device, &called)?;
     let mut text = comment(&interface.heading);
+    text += &comment(&explanation::lines(device, request));
     let _ = write!(text, "#include \"{name}.h\"\n\n#include <stdint.h>\n");
     text += MACROS;
     text += &functions;

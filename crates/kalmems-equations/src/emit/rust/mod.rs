@@ -7,6 +7,7 @@ mod parameters;
 mod tables;
 
 use super::error::EmitError;
+use super::explanation;
 use super::filter::FilterProgram;
 use super::interface::{Interface, UpdateFunction, further};
 use super::request::{EmitGain, EmitRequest};
@@ -107,6 +108,8 @@ pub(super) fn files(
     let called: BTreeSet<CalledFunction> =
         program.routines().iter().flat_map(|routine| routine.called()).collect();
     let has_covariance = request.gain == EmitGain::Covariance;
+    text += "//!\n";
+    text += &comment(&explanation::lines(device, request));
     text += "\n#![allow(dead_code, non_snake_case, clippy::all, clippy::pedantic)]\n";
     let _ = write!(
         text,
