@@ -143,7 +143,7 @@ def main():
     last_s = (given.seconds - 1) * 1.0
     print(f"exit code {code}; the last estimate at {estimates[-1][0]!r} s of {last_s!r} s; {taken_hz:.3g} samples in a second")
     print(f"errors of {len(errors)} estimates in standard deviations: mean {mean:.3f}, rms {whole:.2f}, {early:.2f} in the first tenth, {late:.2f} in the last")
-    # The logarithm of an rms of n errors has the variance 1/(2·n): what is larger than four standard deviations is no chance.
+    # The logarithm of an rms of n errors has the variance 1/(2·n): four standard deviations are exceeded once in 30 000 times.
     has_drifted = late > early * math.exp(4 / math.sqrt(tenth))
     is_right = code == 0 and estimates[-1][0] == last_s and not has_drifted and memory[-1] < memory[0] + 8192
     # The process noise of the filter, which the motion has not, takes as much of its claim as the noise of the signal: the rms is 1/√2 if the ring-down is long.

@@ -28,9 +28,6 @@ pub(super) struct FittedCause {
     pub(super) held_out: f64,
 }
 
-/// How far beyond the first sizes that are tried a search may go.
-const BEYOND: f64 = 3.0;
-
 /// Standard deviations from which on an innovation is an outlier.
 const OUTLYING: f64 = 6.0;
 
@@ -344,10 +341,8 @@ impl CauseSearch<'_> {
     /// The run with a cause of these sizes, likewise.
     fn trial(&self, cause: &Cause, sizes: &[f64]) -> Option<DiagnosisTrial> {
         if let Cause::Numbers(numbers) = cause {
-            let beyond = numbers.iter().zip(sizes).any(|((place, _), size)| {
-                let largest = self.suspects[*place].sizes.iter().fold(0.0_f64, |l, s| l.max(s.abs()));
-                size.abs() > BEYOND * largest
-            });
+            let mut placed = numbers.iter().zip(sizes);
+            let beyond = placed.any(|((place, _), size)| size.abs() > self.suspects[*place].furthest());
             if beyond {
                 return None;
             }

@@ -67,6 +67,9 @@ impl WrittenNumber {
     }
 }
 
+/// How far beyond the first sizes that are tried a search may go.
+const BEYOND: f64 = 3.0;
+
 /// Relative sizes by which a number of a device may be wrong.
 const FACTORS: [f64; 6] = [1e-4, 1e-3, 5e-3, 2e-2, 8e-2, 0.3];
 
@@ -260,6 +263,11 @@ impl Suspect {
     /// A first step: half of the smallest size that is tried.
     pub(super) fn step(&self) -> f64 {
         0.5 * self.sizes.iter().fold(f64::INFINITY, |least, size| least.min(size.abs()))
+    }
+
+    /// The largest size that a search tries, in the direction of either sign.
+    pub(super) fn furthest(&self) -> f64 {
+        BEYOND * self.sizes.iter().fold(0.0_f64, |largest, size| largest.max(size.abs()))
     }
 
     /// A size in words, with its unit.

@@ -342,7 +342,9 @@ impl LikelihoodSearch<'_> {
             let fallen = &mut |distance: f64| {
                 Ok::<f64, Infallible>(self.fallen(suspects, found, (place, side * distance)))
             };
-            let Ok(end) = likelihood_half_width(sd, ROOM, fallen);
+            // The end of the search is no end of the interval; rounding does not lead beyond it.
+            let tried = (1.0 - 1e-9) * (suspects[place].furthest() - side * found.at[place]);
+            let Ok(end) = likelihood_half_width(sd, ROOM.min(tried.max(0.0)), fallen);
             end
         })
     }

@@ -220,8 +220,7 @@ fn long_a_stiffness_is_named_with_the_inertia_that_cannot_be_told_from_it_and_of
 
     let states = |name: &str| &found.causes.iter().find(|cause| cause.name == name).unwrap().states;
     assert_eq!(states("resonator.stiffness"), &["stiffness = { start_sd = \"0.6 %\" }"]);
-    // The inertia is no parameter of a filter: the stiffness stands for both.
-    assert!(states("resonator.inertia").is_empty());
+    assert_eq!(states("resonator.inertia"), &["inertia = { start_sd = \"0.6 %\" }"]);
     assert!(
         found
             .to_text()
