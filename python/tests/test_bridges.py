@@ -156,3 +156,21 @@ def test_functions_for_labview(expected: list[kalmems.Estimate]) -> None:
     failing = labview.open(str(EXAMPLES / "shared_scanner/experiment.toml"))
     with pytest.raises(kalmems.ExperimentError, match="add a table `\\[stream\\]`"):
         labview.close(failing, "ekf")
+
+
+def test_scikit_learn() -> None:
+    pytest.importorskip("sklearn")
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    random = np.random.default_rng(4)
+    level = np.cumsum(random.normal(0, 0.1, 2000))
+    samples = (level + random.normal(0, 0.5, 2000))[:, None]
+    one = bridge("scikit").Level()
+    smoothed = one.fit_transform(samples)[:, 0]
+    assert one.fit_.converged and abs(one.fit_.values["r"] - 0.25) < 4 * one.fit_.sd["r"]
+    assert np.std(smoothed - level) < 0.5 * np.std(samples[:, 0] - level)
+    assert one.score(samples) == pytest.approx(one.fit_.log_likelihood / 2000, rel=1e-9)
+    scaled = make_pipeline(StandardScaler(), bridge("scikit").Level())
+    back = scaled.fit_transform(samples)[:, 0] * samples.std() + samples.mean()
+    assert np.allclose(back, smoothed, atol=1e-2)
