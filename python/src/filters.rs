@@ -1,9 +1,14 @@
 //! Filters over arrays, for models of one's own.
 
+mod equations;
 mod factors;
 mod functions;
 mod run;
 mod sample;
+mod verdict;
+
+pub use equations::Equations;
+pub use verdict::innovation_tests;
 
 use crate::watch::Signals;
 use functions::{Called, Compiled, Function, Linear, MOST, Matrices, Model, Slopes};
@@ -16,9 +21,9 @@ use run::{Job, Run};
 
 type Numbers<'py> = PyReadonlyArrayDyn<'py, f64>;
 
-/// How a filter is to go over the samples: the word of its method, the spread α, β, κ of sigma points, the largest NIS that is believed, and how many
-/// later samples tell of a state, which is 0 for none.
-type Manner = (String, [f64; 3], f64, usize);
+/// How a filter is to go over the samples: the word of its method, the spread α, β, κ of sigma points, the largest NIS that is believed with the
+/// degrees of freedom of the noise of samples, and how many later samples correct a state, which is 0 for none.
+type Manner = (String, [f64; 3], [f64; 2], usize);
 
 /// An array of a shape, or of one such for each of the samples.
 fn shaped(name: &str, array: &Numbers, shape: &[usize], rows: Option<usize>) -> PyResult<Matrices> {
@@ -99,9 +104,9 @@ impl Given {
     }
 
     fn run(&self, motion: Model, sensor: Model, stop: &dyn Fn() -> bool) -> Option<Run> {
-        let Self { z, inputs, q, r, x0, p0, method, manner: (_, points, gate, lag), .. } = self;
-        let (method, points, gate, lag) = (*method, *points, *gate, *lag);
-        Job { method, points, motion, sensor, z, inputs, q, r, x0, p0, gate, lag, stop }.run()
+        let Self { z, inputs, q, r, x0, p0, method, manner: (_, points, limits, lag), .. } = self;
+        let (method, points, limits, lag) = (*method, *points, *limits, *lag);
+        Job { method, points, motion, sensor, z, inputs, q, r, x0, p0, limits, lag, stop }.run()
     }
 
     /// The answer as arrays.
@@ -143,7 +148,7 @@ impl Given {
 #[pyfunction]
 #[pyo3(signature = (
     z: "_Numbers", f: "_Numbers", h: "_Numbers", q: "_Numbers", r: "_Numbers", x0: "_Numbers", p0: "_Numbers",
-    b: "_Numbers | None", u: "_Numbers | None", manner: "tuple[str, tuple[float, float, float], float, int]"
+    b: "_Numbers | None", u: "_Numbers | None", manner: "tuple[str, tuple[float, float, float], tuple[float, float], int]"
 ) -> "dict[str, _Numbers]")]
 #[allow(clippy::too_many_arguments)] // the letters of the equations
 pub fn kalman<'py>(
@@ -182,7 +187,7 @@ type Functions<'py> = [Option<(Option<usize>, Option<Bound<'py, PyAny>>)>; 4];
 #[pyfunction]
 #[pyo3(signature = (
     z: "_Numbers", functions: "Sequence[_Function]", q: "_Numbers", r: "_Numbers", x0: "_Numbers", p0: "_Numbers",
-    u: "_Numbers | None", manner: "tuple[str, tuple[float, float, float], float, int]"
+    u: "_Numbers | None", manner: "tuple[str, tuple[float, float, float], tuple[float, float], int]"
 ) -> "dict[str, _Numbers]")]
 #[allow(clippy::too_many_arguments)] // the letters of the equations
 pub fn nonlinear<'py>(

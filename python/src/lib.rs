@@ -34,7 +34,7 @@ mod _kalmems {
     #[pymodule_export]
     use super::estimate::{Outcome, estimate};
     #[pymodule_export]
-    use super::filters::{kalman, nonlinear};
+    use super::filters::{Equations, innovation_tests, kalman, nonlinear};
     #[pymodule_export]
     use super::identify::{diagnose, identify};
     #[pymodule_export]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kalmems import filters
+from kalmems import _equations, _systems, filters
 
 RNG = np.random.default_rng(1)
 F = np.array([[1.0, 0.1], [-0.1, 0.98]])
@@ -160,8 +160,12 @@ def test_compiled_functions_of_another_signature_are_refused() -> None:
 
 
 def test_the_examples_of_the_documentation_give_what_they_say() -> None:
-    failed, tried = doctest.testmod(filters)
-    assert failed == 0 and tried >= 14
+    tried = 0
+    for module in (filters, _equations, _systems):
+        failed, count = doctest.testmod(module)
+        assert failed == 0, module
+        tried += count
+    assert tried >= 60
     for one in (filters.kalman, filters.Ekf, filters.Ukf, filters.Filtered, filters.Smoothed):
         assert ">>> " in (one.__doc__ or "")
 

@@ -133,3 +133,112 @@ def test_a_likelihood_and_its_gradient_serve_other_optimisers() -> None:
     fitted = filters.fit(model, TRUE, z, positive=("q", "r"))
     assert np.allclose(np.exp(found.x), list(fitted.values.values()), rtol=1e-3)
     assert of([-np.inf, 800.0]) == -np.inf
+
+
+def of_all(theta: np.ndarray) -> dict[str, object]:
+    """A system of two sensors and an input with nine numbers in all its matrices."""
+    a, b, c, d, e, f, g, x, p = theta
+    return {
+        "F": [[1, a], [-0.1, b]],
+        "H": [[1, c], [0.3, 1]],
+        "Q": [[d, 0.3 * d], [0.3 * d, d]],
+        "R": [[e, 0.1 * e], [0.1 * e, f]],
+        "B": [[0], [g]],
+        "x0": [x, 0],
+        "P0": [[p, 0], [0, 1]],
+    }
+
+
+NAMES = tuple("abcdefgxp")
+AT = np.array([0.2, 0.9, 0.4, 0.05, 0.3, 0.2, 0.7, 0.5, 0.8])
+
+
+def by_complex_steps(z: np.ndarray, u: np.ndarray, largest: float) -> np.ndarray:
+    """The derivatives of the likelihood of the equations written out, exact to rounding."""
+    found = []
+    for place in range(AT.size):
+        theta = AT.astype(complex)
+        theta[place] += 1e-30j
+        parts = {name: np.array(value, dtype=complex) for name, value in of_all(theta).items()}
+        x, p, total = parts["x0"], parts["P0"], 0.0 + 0.0j
+        for k, row in enumerate(z):
+            if k > 0:
+                x, p = parts["F"] @ x + parts["B"] @ u[k - 1], parts["F"] @ p @ parts["F"].T + parts["Q"]
+            there = ~np.isnan(row)
+            if there.any():
+                h, r = parts["H"][there], parts["R"][np.ix_(there, there)]
+                s, left = h @ p @ h.T + r, row[there] - h @ x
+                nis = left @ np.linalg.solve(s, left)
+                total -= 0.5 * (nis + np.log(np.linalg.det(2 * np.pi * s)))
+                if nis.real <= largest:
+                    gain = p @ h.T @ np.linalg.inv(s)
+                    x, p = x + gain @ left, p - gain @ s @ gain.T
+        found.append(total.imag / 1e-30)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("case", ["complete", "missing", "rejected", "singular"])
+def test_the_gradient_of_a_linear_model_is_exact(case: str) -> None:
+    random = np.random.default_rng(6)
+    z, u = random.normal(0, 1, (80, 2)), random.normal(0, 1, (80, 1))
+    largest = np.inf
+    if case == "missing":
+        z[random.uniform(size=z.shape) < 0.3] = np.nan
+        z[9] = np.nan
+    if case == "rejected":
+        z[20, 0], largest = 40.0, 30.0
+
+    def model(**numbers: float) -> dict[str, object]:
+        parts = of_all(np.array(list(numbers.values())))
+        if case == "singular":
+            # A third state that is known exactly, and stays 0.
+            parts["F"] = np.pad(np.array(parts["F"]), (0, 1))
+            parts |= {name: np.pad(np.array(parts[name]), (0, 1)) for name in ("Q", "P0")}
+            parts |= {"H": np.pad(np.array(parts["H"]), ((0, 0), (0, 1))), "B": [*parts["B"], [0]], "x0": [*parts["x0"], 0]}  # type: ignore[misc]
+        return {**parts, "largest_nis": None if largest == np.inf else largest}
+
+    of = filters.likelihood(model, dict(zip(NAMES, AT, strict=True)), z, u)
+    expected = by_complex_steps(z, u, largest)
+    assert np.allclose(of.gradient(AT), expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
+
+
+def test_the_gradient_by_matrices_of_each_sample_is_exact() -> None:
+    random = np.random.default_rng(7)
+    z, steps = random.normal(0, 1, 40), random.uniform(0.5, 1.5, 40)
+
+    def model(q: float, r: float) -> dict[str, object]:
+        motion = np.array([[[1, h], [0, 1]] for h in steps])
+        noise = np.array([q * np.array([[h**3 / 3, h**2 / 2], [h**2 / 2, h]]) for h in steps])
+        return {"F": motion, "H": H, "Q": noise, "R": r * steps[:, None, None], "x0": [0, 0], "P0": [1, 1]}
+
+    of = filters.likelihood(model, {"q": 0.1, "r": 0.5}, z, positive=("q", "r"))
+    at = np.log([0.1, 0.5])
+    # Differences of the fourth order, of a function without exact derivatives.
+    differences = [
+        (8 * (of(at + step) - of(at - step)) - (of(at + 2 * step) - of(at - 2 * step))) / 12e-3 for step in 1e-3 * np.eye(2)
+    ]
+    assert np.allclose(of.gradient(at), differences, rtol=1e-8)
+
+
+def test_a_likelihood_with_its_gradient_is_a_function_of_jax_and_so_of_numpyro() -> None:
+    """As a factor of a model of NumPyro: a callback with the gradient as its derivative."""
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    of = filters.likelihood(model, TRUE, measured(11), positive=("q", "r"))
+
+    @jax.custom_vjp
+    def log_likelihood(x):  # type: ignore[no-untyped-def]
+        return jax.pure_callback(of, jax.ShapeDtypeStruct((), "float64"), x)
+
+    def forward(x):  # type: ignore[no-untyped-def]
+        return log_likelihood(x), x
+
+    def backward(x, by):  # type: ignore[no-untyped-def]
+        return (by * jax.pure_callback(of.gradient, jax.ShapeDtypeStruct(x.shape, "float64"), x),)
+
+    log_likelihood.defvjp(forward, backward)
+    at = np.log([0.05, 0.3])
+    # ln p(z) + ln p(x), of a normal prior of each logarithm, compiled.
+    value, slope = jax.jit(jax.value_and_grad(lambda x: log_likelihood(x) - 0.5 * (x**2).sum()))(at)
+    assert float(value) == pytest.approx(of(at) - 0.5 * float(at @ at), rel=1e-12)
+    assert np.allclose(slope, of.gradient(at) - at, rtol=1e-12)

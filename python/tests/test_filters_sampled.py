@@ -107,3 +107,58 @@ def test_drawn_ways_have_the_moments_of_the_smoother_and_go_on_as_the_system_doe
     # Behind the last sample a step of each way has the noise of the process.
     steps = ways[:, 23] - ways[:, 22] @ parts["F"].T
     assert np.allclose(np.cov(steps.T), parts["Q"], rtol=0.06, atol=0.02 * parts["Q"].max())
+
+
+@pytest.mark.parametrize("kind", ["ensemble", "bootstrap", "auxiliary"])
+@pytest.mark.parametrize("smooth", [True, 4])
+def test_smoothers_of_many_states_come_to_those_of_a_linear_system(kind: str, smooth: bool | int) -> None:
+    parts = system(2, 2)
+    parts["R"] *= 10
+    _, z = samples(parts, 40)
+    z[10] = np.nan
+    z[20, 1] = np.nan
+    exact = filters.kalman(z, **parts, smooth=smooth).smoothed
+    filtered = filters.kalman(z, **parts)
+    model, members = of_functions(parts), 20_000 if smooth is not True or kind == "ensemble" else 8000
+    if kind == "ensemble":
+        one: filters.Ensemble | filters.Particles = filters.Ensemble(**model, members=members, seed=3)
+    else:
+        one = filters.Particles(**model, members=members, auxiliary=kind == "auxiliary", seed=3)
+    found = one.run(z, parts["x0"], parts["P0"], smooth=smooth).smoothed
+    assert found is not None and exact is not None
+    # Of 500 drawn ways a mean has a standard error of 0.045 standard deviations.
+    limit = 0.05 if members == 20_000 else 0.12
+    assert np.sqrt(np.mean(((found.x - exact.x) / exact.sd) ** 2)) < limit
+    assert np.mean(found.sd / exact.sd) == pytest.approx(1, abs=0.05)
+    # It is not the filter's answer.
+    assert np.sqrt(np.mean(((filtered.x - exact.x) / exact.sd) ** 2)) > limit
+
+
+def test_of_equal_models_interacting_ones_are_the_smoother() -> None:
+    parts = system(3, 2)
+    _, z = samples(parts, 30)
+    z[7, 0] = np.nan
+    matrices = {name: parts[name] for name in "FHQR"}
+    for smooth in (True, 5):
+        exact = filters.kalman(z, **parts, smooth=smooth).smoothed
+        found = filters.interacting(z, [matrices, matrices], [[0.9, 0.1], [0.3, 0.7]], parts["x0"], parts["P0"], smooth=smooth).smoothed
+        assert found is not None and exact is not None
+        assert np.allclose(found.x, exact.x, atol=1e-9) and np.allclose(found.P, exact.P, atol=1e-9)
+
+
+def test_of_models_that_never_switch_the_smoother_is_that_of_the_true_one() -> None:
+    quiet = system(2, 1)
+    loud = {**quiet, "Q": 400 * quiet["Q"]}
+    _, z = samples(loud, 200)
+    matrices = [{name: one[name] for name in "FHQR"} for one in (quiet, loud)]
+    found = filters.interacting(z, matrices, np.eye(2), quiet["x0"], quiet["P0"], smooth=True)
+    exact = filters.kalman(z, **loud, smooth=True).smoothed
+    assert found.models is not None and found.models[-1, 1] > 1 - 1e-12
+    assert found.smoothed is not None and exact is not None and np.allclose(found.smoothed.x, exact.x, atol=1e-6)
+
+
+def test_particles_are_smoothed_by_all_samples_with_a_definite_noise_alone() -> None:
+    model = filters.Particles(lambda x: x, lambda x: x[:1], Q=[1, 0], R=1, members=50)
+    with pytest.raises(ValueError, match="only if `Q` is definite; give a number of later samples"):
+        model.run([0.0, 1.0], [0, 0], [1, 1], smooth=True)
+    assert len(model.run([0.0, 1.0], [0, 0], [1, 1], smooth=1).smoothed or ()) == 2

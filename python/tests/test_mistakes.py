@@ -92,6 +92,7 @@ MISTAKES: list[tuple[str, Callable[[Bench], object], type[Exception], str]] = [
     ("one recording of several", lambda b: b.stage.estimate(b.recording()), kalmems.ExperimentError, "say it by name or role"),
     ("one path of several", lambda b: b.stage.estimate("sweep.csv"), kalmems.ExperimentError, "give a mapping of a name or role to it"),
     ("a column that is missing", lambda b: b.experiment.estimate(b.without("cap_V")), kalmems.RecordingError, "there are `time_s`, `drive_V`"),
+    ("arrays in place of a file without a column of it", lambda b: b.experiment.estimate(b.without("cap_V")), kalmems.RecordingError, "the arrays in place of `"),
     ("a column with another name", lambda b: b.experiment.estimate({**b.without("cap_V"), "cap": b.columns["cap_V"]}), kalmems.RecordingError, "did you mean `cap`?"),
     ("a column of objects", lambda b: b.experiment.estimate({**b.columns, "cap_V": [{}] * len(b.columns["cap_V"])}), kalmems.RecordingError, "give numbers or texts"),
     ("complex numbers", lambda b: b.experiment.estimate({**b.columns, "cap_V": 1j * b.columns["cap_V"]}), kalmems.RecordingError, "give real numbers"),

@@ -16,6 +16,8 @@ HALF_95 = 0.5 * 3.841458820694124
 """How far the logarithm of the likelihood falls from its largest value to either end of an interval that holds 95 times in 100 (Wilks)."""
 STEP = 1e-3
 """A step for differences, in scales of the numbers."""
+MATRIX_STEP = 6e-6
+"""A step for the differences of matrices, relative to a number."""
 SECOND = 0.3
 """A step for second differences, in standard deviations."""
 FARTHEST = 12.0
@@ -30,14 +32,18 @@ class Likelihood:
 
     _value: Callable[[Numbers], float]
     _scales: Numbers
+    _slope: Callable[[Numbers], Numbers] | None = None
 
     def __call__(self, numbers: ArrayLike) -> float:
         """ln p(z); minus infinity with numbers by which the filter stops."""
         return self._value(np.asarray(numbers, dtype=np.float64))
 
     def gradient(self, numbers: ArrayLike) -> Numbers:
-        """Its derivatives by these numbers, by central differences."""
-        return gradient(self, np.asarray(numbers, dtype=np.float64), STEP * self._scales)
+        """Its derivatives by these numbers: of a linear model by the sensitivities of the filter, of functions by central differences."""
+        return self._gradient(np.asarray(numbers, dtype=np.float64), STEP * self._scales)
+
+    def _gradient(self, at: Numbers, steps: Numbers) -> Numbers:
+        return gradient(self, at, steps) if self._slope is None else self._slope(at)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -129,6 +135,17 @@ def gradient(likelihood: Likelihood, at: Numbers, steps: Numbers) -> Numbers:
     return found
 
 
+def along(model: Callable[[Numbers], Mapping[str, Numbers]], by: Mapping[str, Numbers], at: Numbers, scales: Numbers) -> Numbers:
+    """Derivatives by numbers of what depends on the matrices of a model, whose derivatives by these are known."""
+    found = np.empty(at.size)
+    for place, scale in enumerate(scales):
+        step = np.zeros(at.size)
+        step[place] = MATRIX_STEP * max(abs(at[place]), 10 * scale)
+        above, below = model(at + step), model(at - step)
+        found[place] = sum(float(np.sum(by[name] * (above[name] - below[name]))) for name in by) / (2 * step[place])
+    return found
+
+
 def check_start(start: Mapping[str, float], positive: Collection[str]) -> None:
     """Refuses numbers with which no search can begin."""
     unknown = set(positive) - set(start)
@@ -162,7 +179,7 @@ def maximised(likelihood: Likelihood, start: Mapping[str, float], positive: Coll
         # From now on the step of each is its own standard deviation, by the others as they are.
         scales = np.where(sound, np.clip(own, 1e-4 * scales, 1e2 * scales), scales)
     curvature = _second(likelihood, at, scales)
-    slope = gradient(likelihood, at, 1e-2 * scales) * scales
+    slope = likelihood._gradient(at, 1e-2 * scales) * scales
     covariance, determined = _inverse(curvature, scales)
     sd = np.sqrt(np.diag(covariance))
     names = list(start)
@@ -178,7 +195,7 @@ def _minimum(optimize: Any, likelihood: Likelihood, at: Numbers, scales: Numbers
         return -value if np.isfinite(value) else 1e300
 
     def slope(steps: Numbers) -> Numbers:
-        return -gradient(likelihood, at + steps * scales, STEP * scales) * scales
+        return -likelihood._gradient(at + steps * scales, STEP * scales) * scales
 
     found = optimize.minimize(less, np.zeros(at.size), jac=slope, method="BFGS", options={"gtol": 1e-4})
     return np.asarray(found.x, dtype=np.float64)

@@ -14,7 +14,7 @@ _Numbers = NDArray[np.float64]
 _Column = tuple[str, str, int, int, NDArray[np.uint8], NDArray[np.bool_] | None]
 _Progress = Callable[[str, int, int], object] | None
 _Function = tuple[int | None, Callable[..., Any] | None] | None
-__all__ = ['__version__', 'Columns', 'Outcome', 'Stream', 'batch_files', 'calibrate', 'check', 'diagnose', 'estimate', 'estimate_many', 'identify', 'image', 'kalman', 'nonlinear', 'replaced', 'run_command', 'simulate', 'spectrum', 'study_check', 'study_merge', 'study_run', 'to_dict', 'to_toml']
+__all__ = ['__version__', 'Columns', 'Equations', 'Outcome', 'Stream', 'batch_files', 'calibrate', 'check', 'diagnose', 'estimate', 'estimate_many', 'identify', 'image', 'innovation_tests', 'kalman', 'nonlinear', 'replaced', 'run_command', 'simulate', 'spectrum', 'study_check', 'study_merge', 'study_run', 'to_dict', 'to_toml']
 __version__: Final[str]
 
 @final
@@ -38,6 +38,42 @@ class Columns:
     def sha256(self, /) -> str:
         """
         SHA-256 of names, types and numbers.
+        """
+
+@final
+class Equations:
+    """
+    Equations with values of their parameters, and what leads them over an interval.
+    """
+
+    def __new__(cls, /, text: str, values: Sequence[tuple[str, float]], interval_s: float, steps: int) -> Equations:
+        """
+        Reads equations, with other values in SI of some parameters, for steps of this interval in s.
+        """
+
+    def measure(self, /, x: _Numbers, u: _Numbers) -> tuple[_Numbers, _Numbers]:
+        """
+        What is measured at a state under inputs, and its derivatives by the state row after row.
+        """
+
+    def names(self, /) -> tuple[list[tuple[str, str]], list[tuple[str, str]], list[tuple[str, str]], list[tuple[str, str]]]:
+        """
+        The states, inputs and measurements with their units, and the parameters with theirs.
+        """
+
+    def noise(self, /, x: _Numbers, interval_s: float) -> tuple[_Numbers, _Numbers]:
+        """
+        The power densities of the rates of the states, and the variances of a sample of the measurements at an interval in s, at a state.
+        """
+
+    def step(self, /, x: _Numbers, u: _Numbers) -> tuple[_Numbers, _Numbers]:
+        """
+        The state after the interval, and its derivatives by the state row after row; not numbers where the equations have none.
+        """
+
+    def values(self, /) -> _Numbers:
+        """
+        The values of the parameters in SI.
         """
 
 @final
@@ -194,12 +230,17 @@ def image(path: str | PathLike[str], progress: _Progress=None) -> tuple[str, str
     Puts an image together: the figures as JSON, as text, and the image.
     """
 
-def kalman(z: _Numbers, f: _Numbers, h: _Numbers, q: _Numbers, r: _Numbers, x0: _Numbers, p0: _Numbers, b: _Numbers | None, u: _Numbers | None, manner: tuple[str, tuple[float, float, float], float, int]) -> dict[str, _Numbers]:
+def innovation_tests(signals: Sequence[tuple[str, Sequence[float], Sequence[float], Sequence[float]]], motions_hz: Sequence[float], whitens: bool, sum_nis: float, updates: int) -> tuple[str, list[tuple[str, float, float, str]], tuple[float, float, float, int]]:
+    """
+    Tests the innovations of several signals, whose NIS have this sum over so many numbers: the grade, what is found, and the mean NIS.
+    """
+
+def kalman(z: _Numbers, f: _Numbers, h: _Numbers, q: _Numbers, r: _Numbers, x0: _Numbers, p0: _Numbers, b: _Numbers | None, u: _Numbers | None, manner: tuple[str, tuple[float, float, float], tuple[float, float], int]) -> dict[str, _Numbers]:
     """
     The linear Kalman filter over arrays.
     """
 
-def nonlinear(z: _Numbers, functions: Sequence[_Function], q: _Numbers, r: _Numbers, x0: _Numbers, p0: _Numbers, u: _Numbers | None, manner: tuple[str, tuple[float, float, float], float, int]) -> dict[str, _Numbers]:
+def nonlinear(z: _Numbers, functions: Sequence[_Function], q: _Numbers, r: _Numbers, x0: _Numbers, p0: _Numbers, u: _Numbers | None, manner: tuple[str, tuple[float, float, float], tuple[float, float], int]) -> dict[str, _Numbers]:
     """
     The filter of a model of functions.
     """

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._consistency import drawn, of_sample
+from ._later import EnsembleLater, Later, OfModels, ParticlesLater, of_models
+from ._later import weighted as moments
 from ._model_checks import numbers
 
 Numbers: TypeAlias = NDArray[np.float64]
@@ -46,13 +48,6 @@ def of_many(name: str, function: Callable[..., Any], count: int, at: Numbers, u:
         return together if found.shape == expected.shape and np.allclose(found, expected, rtol=1e-12, atol=0.0) else each
     except Exception:  # noqa: BLE001 - whatever a function does with an axis that it was not written for
         return each
-
-
-def moments(states: Numbers, weights: Numbers) -> tuple[Numbers, Numbers]:
-    """Mean and covariance of weighted rows."""
-    mean = weights @ states
-    off = states - mean
-    return mean, (weights[:, None] * off).T @ off
 
 
 def log_density(left: Numbers, covariance: Numbers) -> Numbers:
@@ -119,15 +114,17 @@ def _noises(random: np.random.Generator, covariance: Numbers, count: int) -> Num
     return np.asarray((random.standard_normal((count, len(values))) * np.sqrt(np.maximum(values, 0))) @ vectors.T)
 
 
-def by_ensemble(parts: Parts, given: Given, count: int, seed: int) -> dict[str, Any]:
+def by_ensemble(parts: Parts, given: Given, count: int, seed: int, lag: int) -> dict[str, Any]:
     """Evensen's filter with perturbed samples."""
     random, (z, _, _, u) = np.random.default_rng(seed), given
     states, move, see = _begun(parts, given, count, random)
     equal, rows = np.full(count, 1 / count), Rows(len(z), states.shape[1], z.shape[1])
+    later = EnsembleLater(lag, len(z), states.shape[1])
     for k, sample in enumerate(z):
         if k > 0:
             before = None if u is None else u[k - 1]
             states = move(states, before) + _noises(random, of_sample(parts[2], k - 1), count)
+            later.predicted(states)
         there = np.flatnonzero(~np.isnan(sample))
         if there.size:
             seen = see(states, None if u is None else u[k])[:, there]
@@ -140,16 +137,19 @@ def by_ensemble(parts: Parts, given: Given, count: int, seed: int) -> dict[str, 
             rows.predicted(k, there, left, s, float(log_density(left[None], s)[0]))
             off = sample[there] + _noises(random, noise, count) - seen
             states = states + off @ np.linalg.solve(s, crossed.T)
+            later.corrected(seen, np.linalg.solve(s, off.T).T)
         mean, covariance = moments(states, equal)
         rows.known(k, mean, covariance * count / (count - 1))
-    return rows.found
+        later.known(k, states)
+    return {**rows.found, **later.finish()}
 
 
-def by_particles(parts: Parts, given: Given, count: int, auxiliary: bool, seed: int) -> dict[str, Any]:
+def by_particles(parts: Parts, given: Given, count: int, auxiliary: bool, seed: int, lag: int) -> dict[str, Any]:
     """The bootstrap filter (Gordon, Salmond and Smith 1993), or the auxiliary one (Pitt and Shephard 1999)."""
     random, (z, _, _, u) = np.random.default_rng(seed), given
     states, move, see = _begun(parts, given, count, random)
     weights, rows = np.full(count, 1 / count), Rows(len(z), states.shape[1], z.shape[1])
+    later = ParticlesLater(lag, len(z), states.shape[1])
     for k, sample in enumerate(z):
         there, inputs = np.flatnonzero(~np.isnan(sample)), None if u is None else u[k]
         noise = of_sample(parts[3], k)[np.ix_(there, there)]
@@ -165,8 +165,11 @@ def by_particles(parts: Parts, given: Given, count: int, auxiliary: bool, seed: 
                 total = np.log(chance.sum()) + top
                 places = chosen(random, chance / chance.sum())
                 ahead, expected, weights = ahead[places], expected[places] - total, np.full(count, 1 / count)
+                later.chosen(places)
             elif 1 / (weights**2).sum() < FEW * count:
-                ahead, weights = ahead[chosen(random, weights)], np.full(count, 1 / count)
+                places = chosen(random, weights)
+                ahead, weights = ahead[places], np.full(count, 1 / count)
+                later.chosen(places)
             states = ahead + _noises(random, of_sample(parts[2], k - 1), count)
         if there.size:
             seen = see(states, inputs)[:, there]
@@ -179,15 +182,19 @@ def by_particles(parts: Parts, given: Given, count: int, auxiliary: bool, seed: 
             rows.predicted(k, there, sample[there] - mean, spread + noise, float(np.log(weights.sum()) + top))
             weights = weights / weights.sum()
         rows.known(k, *moments(states, weights))
-    return rows.found
+        later.known(k, states, weights)
+    return {**rows.found, **later.finish(move, parts[2], u, random)}
 
 
-def by_interacting_models(models: Sequence[Mapping[str, Numbers]], switching: Numbers, chances: Numbers, given: Given) -> tuple[dict[str, Any], Numbers]:
+def by_interacting_models(
+    models: Sequence[Mapping[str, Numbers]], switching: Numbers, chances: Numbers, given: Given, lag: int
+) -> tuple[dict[str, Any], Numbers]:
     """Interacting multiple models (Blom and Bar-Shalom 1988), and how likely each is at each sample."""
     z, x0, p0, u = given
     count, n, m = len(models), len(x0), z.shape[1]
     rows, probabilities = Rows(len(z), n, m), np.empty((len(z), count))
     means, covariances = np.array([x0] * count), np.array([p0] * count)
+    later, past = Later(lag, len(z), n), list[OfModels]()
     for k, sample in enumerate(z):
         there = np.flatnonzero(~np.isnan(sample))
         if k > 0:
@@ -202,7 +209,7 @@ def by_interacting_models(models: Sequence[Mapping[str, Numbers]], switching: Nu
             means = starts
             for j, of in enumerate(models):
                 f, q = of_sample(of["F"], k - 1), of_sample(of["Q"], k - 1)
-                driven = 0.0 if u is None or "B" not in of else of["B"] @ u[k - 1]
+                driven = 0.0 if u is None or "B" not in of else of_sample(of["B"], k - 1) @ u[k - 1]
                 means[j], covariances[j] = f @ means[j] + driven, f @ covariances[j] @ f.T + q
         if there.size:
             each, fits, lefts = np.empty(count), [], []
@@ -225,7 +232,14 @@ def by_interacting_models(models: Sequence[Mapping[str, Numbers]], switching: Nu
         mean, spread = moments(means, chances)
         rows.known(k, mean, np.einsum("j,jab->ab", chances, covariances) + spread)
         probabilities[k] = chances
-    return rows.found, probabilities
+        if lag:
+            past.append(OfModels(chances, means.copy(), covariances.copy()))
+            if k >= lag:
+                later.put(k - lag, of_models(past, models, switching, k - lag, u)[0])
+                del past[0]
+    for place, both in enumerate(of_models(past, models, switching, len(z) - len(past), u) if past else []):
+        later.put(len(z) - len(past) + place, both)
+    return {**rows.found, **later.found()}, probabilities
 
 
 def by_backward_draws(filtered: Any, motion: Numbers, noise: Numbers, driven: Numbers | None, count: int, seed: int) -> Numbers:

@@ -1,9 +1,13 @@
 """Kalman filters over arrays, for linear systems and for models of one's own.
 
-`kalman` is the filter of a linear system, `Ekf`, `Ukf`, `Ensemble` and `Particles` are those of functions, `interacting` is that of a system that
-switches, and `posterior` draws ways of the state. `fit` and `em` learn numbers that are not known, and `consistency`
-simulates whether claims hold. Filters of matrices and of compiled functions leave the interpreter's lock, so that threads run several at once. Shapes are written with n states, m measurements, k inputs and N samples. Units are the caller's own: a covariance has the square of the unit
-of what it is of, and `F` is per step, from a sample to the next.
+`kalman` is the filter of a linear system and `constant_gain` that of a gain for all samples, such as that of `steady`. `Ekf`, `Ukf`, `Ensemble` and
+`Particles` are the filters of functions, which `Equations` makes of text with units and `symbolic` of expressions of SymPy. `interacting` is the filter of
+a system that switches, and `posterior` draws ways of the state. `from_state_space` takes systems of SciPy and python-control, and `together` merges
+sensors of different times. `fit` and `em` learn numbers that are not known, `consistency` simulates whether claims hold, and `verdict` grades a filter
+from its innovations. Filters of matrices and of compiled functions leave the interpreter's lock, so that threads run several at once.
+
+Shapes are written with n states, m measurements, k inputs and N samples. Units are the caller's own: a covariance has the square of the unit of what it
+is of, and `F` is per step, from a sample to the next. Arrays of JAX, PyTorch and whatever else NumPy reads are arrays.
 
 What is known before, `x0` and `P0`, is of the first sample before it is taken: that is updated with first, and each further sample is predicted
 and then updated with. Numbers of a sample that are not one are missing: the others correct the state, and where all are missing it is predicted only.
@@ -18,6 +22,7 @@ functions give arrays of the right shapes, and derivatives agree with difference
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -25,28 +30,43 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _consistency, _fit, _kalmems, _model_checks, _sampled
+from . import _consistency, _fit, _kalmems, _model_checks, _sampled, _scores, _systems, _verdict
 from ._consistency import Consistency
+from ._equations import Equations, symbolic
 from ._fit import Fit, Learned, Likelihood
+from ._later import ALL
+from ._systems import Steady, from_state_space, to_state_space, together
+from ._verdict import FilterVerdict, Finding
 
 __all__ = [
     "Consistency",
     "Ekf",
     "Ensemble",
+    "Equations",
+    "FilterVerdict",
     "Filtered",
+    "Finding",
     "Fit",
     "Learned",
     "Likelihood",
     "Particles",
     "Smoothed",
+    "Steady",
     "Ukf",
     "consistency",
+    "constant_gain",
     "em",
     "fit",
+    "from_state_space",
     "interacting",
     "kalman",
     "likelihood",
     "posterior",
+    "steady",
+    "symbolic",
+    "to_state_space",
+    "together",
+    "verdict",
 ]
 
 _SIGNATURE = "void(CPointer(float64), CPointer(float64), CPointer(float64))"
@@ -155,6 +175,7 @@ def kalman(
     u: ArrayLike | None = None,
     smooth: bool | int = False,
     largest_nis: float | None = None,
+    degrees_of_freedom: float | None = None,
     square_root: bool = False,
     check: bool = True,
 ) -> Filtered:
@@ -186,6 +207,9 @@ def kalman(
         Whether to give the state given all samples as well, or given so many later ones.
     largest_nis : float, optional
         A sample with a larger normalised innovation squared is rejected: it does not correct the state.
+    degrees_of_freedom : float, optional
+        Those of Student's t distribution of the noise of samples, above 2, such as 4; R is then the square of its scale, and a sample with a large
+        innovation corrects the state less. Normal noise if left out.
     square_root : bool
         Whether the covariance is held as a factor, which keeps it definite where it is all but singular.
     check : bool
@@ -216,28 +240,38 @@ def kalman(
     if check:
         _check_numbers(rows, inputs, states, before, *noise)
         _model_checks.finite(F=motion, H=sensor, B=gain)
-    manner = _manner("square_root_ekf" if square_root else "ekf", _STANDARD, largest_nis, smooth)
-    return _filtered(_kalmems.kalman(rows, motion, sensor, *noise, states, before, gain, inputs, manner))
+    manner = _manner("square_root_ekf" if square_root else "ekf", _STANDARD, (largest_nis, degrees_of_freedom), smooth)
+    return _filtered(_kalmems.kalman(rows, motion, sensor, *noise, states, before, gain, inputs, manner), degrees_of_freedom)
 
 
+Limits: TypeAlias = tuple[float | None, float | None]
+"""The largest NIS of a sample that is taken, and the degrees of freedom of its noise."""
 _STANDARD = (1.0, 2.0, 1.0)
 """The spread α, β, κ of sigma points."""
 _MEASUREMENTS = 16
 """The most measurements of a sample."""
-_ALL = 2**62
-"""More samples than there are."""
 
 
 def _manner(
-    method: str, points: tuple[float, float, float], largest_nis: float | None, smooth: bool | int
-) -> tuple[str, tuple[float, float, float], float, int]:
-    """What the compiled filter is asked for: method, points, gate, and how many later samples tell of a state."""
+    method: str, points: tuple[float, float, float], limits: Limits, smooth: bool | int
+) -> tuple[str, tuple[float, float, float], tuple[float, float], int]:
+    """The method, sigma points, limits of samples and number of later samples with which the compiled filter is called."""
+    largest_nis, degrees_of_freedom = limits
+    if degrees_of_freedom is not None and not degrees_of_freedom > 2:
+        why = "a distribution with 2 or fewer has no variance, and 4 is usual"
+        raise ValueError(f"`degrees_of_freedom` is {degrees_of_freedom}; expected more than 2: {why}")
     if largest_nis is not None and not largest_nis > 0:
         raise ValueError(f"`largest_nis` is {largest_nis}; the NIS of a right filter is m on average, and its limit is above that, such as 25")
+    lag = _lag(smooth)
+    bounds = (np.inf if limit is None else float(limit) for limit in limits)
+    return method, points, (next(bounds), next(bounds)), lag
+
+
+def _lag(smooth: bool | int) -> int:
+    """The number of later samples by which a state is smoothed."""
     if not isinstance(smooth, bool) and (not isinstance(smooth, int) or smooth < 1):
         raise ValueError(f"`smooth` is {smooth!r}; give `True` for all later samples, or a number of samples such as 20")
-    lag = _ALL if smooth is True else int(smooth)
-    return method, points, np.inf if largest_nis is None else float(largest_nis), lag
+    return ALL if smooth is True else int(smooth)
 
 
 def _check_numbers(z: Numbers, u: Numbers | None, x0: Numbers, p0: Numbers, q: Numbers, r: Numbers) -> None:
@@ -247,10 +281,169 @@ def _check_numbers(z: Numbers, u: Numbers | None, x0: Numbers, p0: Numbers, q: N
         _model_checks.covariance(name, matrix)
 
 
-def _filtered(found: dict[str, Any]) -> Filtered:
+def _filtered(found: dict[str, Any], degrees_of_freedom: float | None) -> Filtered:
+    if degrees_of_freedom is not None:
+        found["log_likelihood"] = _of_student(found, degrees_of_freedom)
     x, covariance = found.pop("smoothed_x", None), found.pop("smoothed_P", None)
     smoothed = None if x is None or covariance is None else Smoothed(x, covariance)
     return Filtered(**found, smoothed=smoothed)
+
+
+def _of_student(found: dict[str, Any], freedom: float) -> Numbers:
+    """ln p of samples of Student's t distribution with the scale S: ln |S| is what the normal density has of it."""
+    m = (~np.isnan(found["innovation"])).sum(axis=1)
+    ends = np.array([math.lgamma((freedom + count) / 2) - math.lgamma(freedom / 2) for count in range(_MEASUREMENTS + 1)])
+    determinant = -2 * found["log_likelihood"] - found["nis"] - m * np.log(2 * np.pi)
+    tail = (freedom + m) / 2 * np.log1p(found["nis"] / freedom)
+    return np.asarray(ends[m] - 0.5 * (m * np.log(freedom * np.pi) + determinant) - tail)
+
+
+def steady(F: ArrayLike, H: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Steady:
+    """The gain and the covariances that the filter of a linear system settles to.
+
+    Parameters
+    ----------
+    F, H, Q, R
+        As of `kalman`, none of them for each sample, and H with as many columns as F.
+
+    Returns
+    -------
+    Steady
+
+    Examples
+    --------
+    >>> found = steady(F=1, H=1, Q=1, R=1)
+    >>> found.K.round(4).item(), found.predicted.round(4).item()
+    (0.618, 1.618)
+    """
+    motion = _model_checks.numbers("`F`", F)
+    n = 1 if motion.ndim == 0 else len(motion)
+    sensor = _model_checks.numbers("`H`", H)
+    m = max(1, sensor.size // n) if sensor.ndim < 2 else len(sensor)
+    parts = {"F": _matrix("F", motion, n, n), "H": _matrix("H", sensor, m, n), "Q": _matrix("Q", Q, n, n), "R": _matrix("R", R, m, m)}
+    for name, shape in {"F": (n, n), "H": (m, n), "Q": (n, n), "R": (m, m)}.items():
+        if parts[name].shape != shape:
+            raise ValueError(f"`{name}` has the shape {parts[name].shape}; expected {shape}")
+    _model_checks.finite(**parts)
+    for name in ("Q", "R"):
+        _model_checks.covariance(name, parts[name])
+    return _systems.settled(parts["F"], parts["H"], parts["Q"], parts["R"])
+
+
+def constant_gain(
+    z: ArrayLike,
+    F: ArrayLike,
+    H: ArrayLike,
+    Q: ArrayLike,
+    R: ArrayLike,
+    x0: ArrayLike,
+    P0: ArrayLike,
+    *,
+    gain: ArrayLike | None = None,
+    B: ArrayLike | None = None,
+    u: ArrayLike | None = None,
+) -> Filtered:
+    """The filter of a linear system with one gain for all samples: an observer, an α-β filter, or the settled Kalman filter.
+
+    Its covariance is that of the errors with this gain, and larger than with the gains of `kalman`. Its innovations are white with the settled gain
+    alone: give `whitens=False` to `verdict` with another one.
+
+    Parameters
+    ----------
+    z, F, H, Q, R, x0, P0, B, u
+        As of `kalman`.
+    gain : array of the shape (n, m), optional
+        The change of the state per innovation; that of `steady` if left out.
+
+    Returns
+    -------
+    Filtered
+
+    Examples
+    --------
+    An α-β filter, with α = 0.5 and β = 0.1:
+
+    >>> found = constant_gain([0.0, 1.0, 2.1], F=[[1, 1], [0, 1]], H=[1, 0], Q=[0, 0.1], R=1, x0=[0, 0], P0=[1, 1], gain=[0.5, 0.1])
+    >>> found.x[-1].round(3).tolist(), found.innovation.ravel().round(3).tolist()
+    ([1.35, 0.25], [0.0, 1.0, 1.5])
+    """
+    rows, inputs = _samples(z), None if u is None else _rows("u", u)
+    given = {"F": F, "H": H, "Q": Q, "R": R, "x0": x0, "P0": P0, "B": B}
+    parts = _matrices(given, rows.shape[1], inputs)
+    n, m = parts["x0"].size, rows.shape[1]
+    _check_numbers(rows, inputs, parts["x0"], parts["P0"], parts["Q"], parts["R"])
+    for name, shape in {"F": (n, n), "H": (m, n), "Q": (n, n), "R": (m, m), "P0": (n, n)}.items():
+        if parts[name].shape not in (shape, (len(rows), *shape)):
+            raise ValueError(f"`{name}` has the shape {parts[name].shape}; expected {shape} or {(len(rows), *shape)}")
+    kept = steady(F, H, Q, R).K if gain is None else _matrix("gain", gain, n, m)
+    if kept.shape != (n, m):
+        raise ValueError(f"`gain` has the shape {kept.shape}; expected ({n}, {m})")
+    driven = None if inputs is None or "B" not in parts else (parts["B"] @ inputs[..., None])[..., 0]
+    return Filtered(**_systems.with_gain(parts, rows, kept, driven))
+
+
+def verdict(
+    found: Filtered | ArrayLike,
+    S: ArrayLike | None = None,
+    *,
+    times: ArrayLike | None = None,
+    interval: float | None = None,
+    names: Sequence[str] | None = None,
+    motions_hz: ArrayLike = (),
+    whitens: bool = True,
+) -> FilterVerdict:
+    """Whether innovations contradict what a filter claims, by the tests and with the grade of `Experiment.estimate`: of any filter, of any library.
+
+    Parameters
+    ----------
+    found : Filtered, or array of the shape (N, m) or (N,)
+        What a filter found, or the innovations z − h(x⁻); those that are not a number did not correct the state.
+    S : array of the shape (m, m), (N, m, m) or (N,)
+        The covariance that the filter gives an array of innovations.
+    times : array of the shape (N,), optional
+        The times of the samples in s, with which the sentences are written.
+    interval : float, optional
+        Seconds from a sample to the next in place of `times`; 1 if both are left out.
+    names : sequence of str, optional
+        The names of the measurements.
+    motions_hz : float or array
+        Frequencies in Hz of a motion, which is then sought in the innovations with its harmonics.
+    whitens : bool
+        Whether the innovations of a consistent filter are white, which those of a gain that is not optimal are not: their size alone is tested then.
+
+    Returns
+    -------
+    FilterVerdict
+
+    Examples
+    --------
+    A level that walks, by a filter with the true noise and by one with a hundredth of it:
+
+    >>> random = np.random.default_rng(1)
+    >>> z = np.cumsum(random.normal(0, 0.1, 2000)) + random.normal(0, 0.5, 2000)
+    >>> [verdict(kalman(z, F=1, H=1, Q=0.01, R=r, x0=0, P0=1)).grade for r in (0.25, 0.0025)]
+    ['passes', 'failed']
+    """
+    innovation, s, nis, taken = _innovations(found, S)
+    return _verdict.judged((innovation, s, nis, taken), _verdict.times_of(len(innovation), times, interval), names, motions_hz, whitens)
+
+
+def _innovations(found: Filtered | ArrayLike, S: ArrayLike | None) -> tuple[Numbers, Numbers, Numbers, NDArray[np.bool_]]:
+    if isinstance(found, Filtered):
+        return found.innovation, found.S, found.nis, found.taken
+    if S is None:
+        raise ValueError("the innovations have no covariance; give `S` as well")
+    rows = _rows("found", found)
+    m, given = rows.shape[1], _model_checks.numbers("`S`", S)
+    given = given.reshape(-1, 1, 1) if given.ndim < 2 and m == 1 else given
+    if given.shape[-2:] != (m, m) or given.shape[:-2] not in ((), (1,), (len(rows),)):
+        raise ValueError(f"`S` has the shape {given.shape}; expected ({m}, {m}) or ({len(rows)}, {m}, {m})")
+    s = np.broadcast_to(given, (len(rows), m, m))
+    there = np.isfinite(rows)
+    both = there[:, :, None] & there[:, None, :]
+    left = np.where(there, rows, 0.0)
+    solved = np.linalg.solve(np.where(both, s, 0.0) + np.eye(m) * ~there[:, None, :], left[..., None])[..., 0]
+    return np.asarray(np.where(there, rows, np.nan)), s, np.asarray((left * solved).sum(axis=1)), np.asarray(there.any(axis=1))
 
 
 class _Nonlinear:
@@ -258,7 +451,7 @@ class _Nonlinear:
         self,
         functions: dict[str, Function | None],
         noise: tuple[ArrayLike, ArrayLike],
-        manner: tuple[str, tuple[float, float, float], float | None],
+        manner: tuple[str, tuple[float, float, float], Limits],
         check: bool,
     ) -> None:
         self._functions = functions
@@ -303,7 +496,7 @@ class _Nonlinear:
             _check_numbers(rows, inputs, states, before, *noise)
             self._check_functions(states, before, m, None if inputs is None or len(inputs) == 0 else inputs[0])
         manner = _manner(*self._manner, smooth)
-        return _filtered(_kalmems.nonlinear(rows, functions, *noise, states, before, inputs, manner))
+        return _filtered(_kalmems.nonlinear(rows, functions, *noise, states, before, inputs, manner), self._manner[2][1])
 
     def _check_functions(self, x0: Numbers, p0: Numbers, m: int, u: Numbers | None) -> None:
         """Refuses functions that give other shapes, and derivatives that differ from difference quotients, at `x0` of the first run."""
@@ -332,12 +525,12 @@ class _Nonlinear:
 
     def __repr__(self) -> str:
         parts = [f"{name}={_named(function)}" for name, function in self._functions.items() if function is not None]
-        method, points, largest_nis = self._manner
+        method, points, limits = self._manner
         if "ukf" in method:
             parts += [f"{name}={value:g}" for name, value in zip(("alpha", "beta", "kappa"), points, strict=True)]
         parts += [f"{name}={np.asarray(noise).tolist()}" for name, noise in (("Q", self._q), ("R", self._r))]
         parts += [f"{word}=True" for word in ("square_root", "iterated") if method.startswith(word)]
-        parts += [] if largest_nis is None else [f"largest_nis={largest_nis:g}"]
+        parts += [f"{name}={limit:g}" for name, limit in zip(("largest_nis", "degrees_of_freedom"), limits, strict=True) if limit is not None]
         return f"{type(self).__name__}({', '.join(parts)})"
 
 
@@ -366,6 +559,9 @@ class Ekf(_Nonlinear):
         Whether the covariance is held as a factor, which keeps it definite where it is all but singular.
     largest_nis : float, optional
         A sample with a larger normalised innovation squared is rejected: it does not correct the state.
+    degrees_of_freedom : float, optional
+        Those of Student's t distribution of the noise of samples, above 2, such as 4; R is then the square of its scale, and a sample with a large
+        innovation corrects the state less. Normal noise if left out.
     check : bool
         Whether to check covariances, shapes and derivatives before the first run.
 
@@ -406,12 +602,13 @@ class Ekf(_Nonlinear):
         iterated: bool = False,
         square_root: bool = False,
         largest_nis: float | None = None,
+        degrees_of_freedom: float | None = None,
         check: bool = True,
     ) -> None:
         if iterated and square_root:
             raise ValueError("there is no iterated filter in square-root form; leave `iterated` or `square_root` out")
         method = "iterated_ekf" if iterated else "square_root_ekf" if square_root else "ekf"
-        super().__init__({"f": f, "F": F, "h": h, "H": H}, (Q, R), (method, _STANDARD, largest_nis), check)
+        super().__init__({"f": f, "F": F, "h": h, "H": H}, (Q, R), (method, _STANDARD, (largest_nis, degrees_of_freedom)), check)
 
 
 class Ukf(_Nonlinear):
@@ -419,7 +616,7 @@ class Ukf(_Nonlinear):
 
     Parameters
     ----------
-    f, h, Q, R, square_root, largest_nis, check
+    f, h, Q, R, square_root, largest_nis, degrees_of_freedom, check
         As those of `Ekf`.
     alpha, beta, kappa : float
         The spread α, β, κ of the sigma points, without a unit.
@@ -445,13 +642,14 @@ class Ukf(_Nonlinear):
         kappa: float = 1.0,
         square_root: bool = False,
         largest_nis: float | None = None,
+        degrees_of_freedom: float | None = None,
         check: bool = True,
     ) -> None:
         if not alpha > 0:
             raise ValueError(f"`alpha` is {alpha:g}; the spread of the sigma points is above 0, such as 1")
         method = "square_root_ukf" if square_root else "ukf"
         functions: dict[str, Function | None] = {"f": f, "F": None, "h": h, "H": None}
-        super().__init__(functions, (Q, R), (method, (alpha, beta, kappa), largest_nis), check)
+        super().__init__(functions, (Q, R), (method, (alpha, beta, kappa), (largest_nis, degrees_of_freedom)), check)
 
 
 class _Sampled:
@@ -464,13 +662,13 @@ class _Sampled:
             raise ValueError(f"`members` is {members}; expected 2 or more, such as 1000")
         self._f, self._h, self._q, self._r, self._members, self._seed = f, h, Q, R, members, seed
 
-    def run(self, z: ArrayLike, x0: ArrayLike, P0: ArrayLike, u: ArrayLike | None = None) -> Filtered:
+    def run(self, z: ArrayLike, x0: ArrayLike, P0: ArrayLike, u: ArrayLike | None = None, *, smooth: bool | int = False) -> Filtered:
         """Filters samples.
 
         Parameters
         ----------
-        z, x0, P0, u
-            As of `Ekf.run`.
+        z, x0, P0, u, smooth
+            As of `Ekf.run`. Particles are smoothed by all samples only if Q is definite.
 
         Returns
         -------
@@ -482,9 +680,9 @@ class _Sampled:
         before, noise = _matrix("P0", P0, n, n), (_matrix("Q", self._q, n, n), _matrix("R", self._r, m, m))
         inputs = None if u is None else _rows("u", u)
         _check_numbers(rows, inputs, states, before, *noise)
-        return Filtered(**self._found((self._f, self._h, *noise), (rows, states, before, inputs)))
+        return _filtered(self._found((self._f, self._h, *noise), (rows, states, before, inputs), _lag(smooth)), None)
 
-    def _found(self, parts: _sampled.Parts, given: _sampled.Given) -> dict[str, Any]:
+    def _found(self, parts: _sampled.Parts, given: _sampled.Given, lag: int) -> dict[str, Any]:
         raise NotImplementedError
 
     def __repr__(self) -> str:
@@ -511,8 +709,8 @@ class Ensemble(_Sampled):
     ([0.8], [0.5])
     """
 
-    def _found(self, parts: _sampled.Parts, given: _sampled.Given) -> dict[str, Any]:
-        return _sampled.by_ensemble(parts, given, self._members, self._seed)
+    def _found(self, parts: _sampled.Parts, given: _sampled.Given, lag: int) -> dict[str, Any]:
+        return _sampled.by_ensemble(parts, given, self._members, self._seed, lag)
 
 
 class Particles(_Sampled):
@@ -546,8 +744,8 @@ class Particles(_Sampled):
         super().__init__(f, h, Q=Q, R=R, members=members, seed=seed)
         self._is_auxiliary = auxiliary
 
-    def _found(self, parts: _sampled.Parts, given: _sampled.Given) -> dict[str, Any]:
-        return _sampled.by_particles(parts, given, self._members, self._is_auxiliary, self._seed)
+    def _found(self, parts: _sampled.Parts, given: _sampled.Given, lag: int) -> dict[str, Any]:
+        return _sampled.by_particles(parts, given, self._members, self._is_auxiliary, self._seed, lag)
 
 
 def interacting(
@@ -559,6 +757,7 @@ def interacting(
     *,
     u: ArrayLike | None = None,
     chances: ArrayLike | None = None,
+    smooth: bool | int = False,
 ) -> Filtered:
     """Interacting multiple models (Blom and Bar-Shalom 1988): a linear system that switches between some.
 
@@ -572,6 +771,8 @@ def interacting(
         The probability with which a row's model is followed by a column's from a sample to the next.
     chances : array of the shape (count,), optional
         How likely each is at first; all alike if left out.
+    smooth : bool or int
+        As of `kalman`, by pairs of models (Kim 1994), which is an approximation as the filter is.
 
     Returns
     -------
@@ -605,8 +806,8 @@ def interacting(
         if "B" in model and inputs is not None:
             parts["B"] = _matrix("B", model["B"], n, inputs.shape[1])
         each.append(parts)
-    found, probabilities = _sampled.by_interacting_models(each, between, first, (rows, state, before, inputs))
-    return Filtered(**found, models=probabilities)
+    found, probabilities = _sampled.by_interacting_models(each, between, first, (rows, state, before, inputs), _lag(smooth))
+    return _filtered({**found, "models": probabilities}, None)
 
 
 def posterior(
@@ -724,11 +925,13 @@ def likelihood(
     _fit.check_start(start, positive)
     names = list(start)
 
-    def value(numbers: Numbers) -> float:
+    def named(numbers: Numbers) -> dict[str, float]:
         with np.errstate(over="ignore"):
-            each = {name: float(np.exp(x)) if name in positive else float(x) for name, x in zip(names, numbers, strict=True)}
+            return {name: float(np.exp(x)) if name in positive else float(x) for name, x in zip(names, numbers, strict=True)}
+
+    def value(numbers: Numbers) -> float:
         try:
-            found = _run(dict(model(**each)), z, u)
+            found = _run(dict(model(**named(numbers))), z, u)
         except ArithmeticError:
             # A filter that stops, with numbers that nothing can have.
             return -np.inf
@@ -736,7 +939,30 @@ def likelihood(
 
     # Once with the checks, so that a model that cannot be meant is refused with its reason.
     _run({**dict(model(**start)), "check": True}, z, u)
-    return Likelihood(value, _fit.scales_of(start, positive))
+    scales = _fit.scales_of(start, positive)
+    if not {"f", "degrees_of_freedom"}.isdisjoint(model(**start)):
+        return Likelihood(value, scales)
+    rows, inputs = _samples(z), None if u is None else _rows("u", u)
+
+    def matrices(numbers: Numbers) -> dict[str, Numbers]:
+        return _matrices(model(**named(numbers)), rows.shape[1], inputs)
+
+    def slope(numbers: Numbers) -> Numbers:
+        parts = matrices(numbers)
+        found = _run({**model(**named(numbers)), "smooth": True}, rows, inputs)
+        return _fit.along(matrices, _scores.scores(found, rows, parts, inputs), numbers, scales)
+
+    return Likelihood(value, scales, slope)
+
+
+def _matrices(parts: Mapping[str, Any], m: int, inputs: Numbers | None) -> dict[str, Numbers]:
+    """The arrays of a linear system in their shapes."""
+    state = _vector("x0", parts["x0"])
+    n = state.size
+    shapes = {"F": (n, n), "H": (m, n), "Q": (n, n), "R": (m, m), "P0": (n, n)}
+    if inputs is not None and parts.get("B") is not None:
+        shapes["B"] = (n, inputs.shape[1])
+    return {"x0": state, **{name: _matrix(name, parts[name], *shape) for name, shape in shapes.items()}}
 
 
 def _run(parts: dict[str, Any], z: ArrayLike, u: ArrayLike | None) -> Filtered:

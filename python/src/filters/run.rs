@@ -19,8 +19,8 @@ pub struct Job<'a> {
     pub r: &'a Matrices,
     pub x0: &'a [f64],
     pub p0: &'a [f64],
-    /// The largest NIS that is believed.
-    pub gate: f64,
+    /// The largest NIS that is believed, and the degrees of freedom of the noise of samples.
+    pub limits: [f64; 2],
     /// Up to how many later samples tell of an earlier state as well.
     pub lag: usize,
     /// Whether to stop before a sample.
@@ -139,7 +139,8 @@ impl Job<'_> {
                 z: self.z.at(k),
                 r: self.r.at(k),
                 taking: self.taking(),
-                gate: self.gate,
+                gate: self.limits[0],
+                freedom: self.limits[1],
             };
             let to = (&mut run.innovation[k * m..(k + 1) * m], &mut run.s[k * m * m..(k + 1) * m * m]);
             let predicted = sample.correct(filter, &mut room, to).map_err(failed)?;

@@ -6,6 +6,10 @@ use kalmems::estimate::{RowFilter, Sensor};
 use kalmems_core::FilterError;
 use std::f64::consts::TAU;
 
+/// Iterations of the weight of heavy-tailed noise at most, and when it has settled.
+const ITERATIONS: usize = 200;
+const SETTLED: f64 = 1e-9;
+
 /// How the numbers of one sample correct a filter.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Taking {
@@ -28,6 +32,8 @@ pub struct Sample<'a> {
     pub taking: Taking,
     /// The largest NIS that is believed.
     pub gate: f64,
+    /// The degrees of freedom of Student's t distribution of the noise; infinite of normal noise.
+    pub freedom: f64,
 }
 
 /// How well a sample was predicted, and whether it has corrected the filter.
@@ -189,8 +195,8 @@ impl Room {
         Ok(())
     }
 
-    /// What the numbers that are there are expected to be: their noise apart from the state's, and S.
-    fn expect(&mut self, sample: &Sample) {
+    /// What the numbers that are there are expected to be: their noise apart from the state's, whose own part is divided by a weight, and S.
+    fn expect(&mut self, sample: &Sample, weight: f64) {
         let (n, m, count) = (self.mean.len(), self.values.len(), self.present.len());
         for (i, own) in self.present.iter().enumerate() {
             let row = &self.slopes[own * n..(own + 1) * n];
@@ -202,7 +208,7 @@ impl Room {
             let row = &self.slopes[own * n..(own + 1) * n];
             for (j, other) in self.present.iter().enumerate() {
                 let entry = own * m + other;
-                self.noise[i * count + j] = sample.r[entry] + self.unexplained[entry];
+                self.noise[i * count + j] = sample.r[entry] / weight + self.unexplained[entry];
                 self.s[i * count + j] = dot(row, &self.along[j * n..(j + 1) * n]) + self.noise[i * count + j];
             }
         }
@@ -223,7 +229,7 @@ impl Sample<'_> {
         if self.z.iter().all(|z| z.is_nan()) {
             return Ok(missing);
         }
-        if let [z] = self.z {
+        if let ([z], true) = (self.z, self.freedom.is_infinite()) {
             let sensor = Combined { sample: self, weights: &[1.0] };
             let found = filter.correct(&sensor, *z, self.r[0], self.gate)?;
             (innovation[0], s[0]) = (found.residual[0], found.covariance.get(0, 0));
@@ -238,9 +244,10 @@ impl Sample<'_> {
             Taking::Unscented(spread) => room.regress(self, spread)?,
             Taking::Extended | Taking::Iterated => room.linearize(self),
         }
-        room.expect(self);
+        room.expect(self, 1.0);
         let prediction = self.predicted(room, (innovation, s))?;
         if prediction.is_taken {
+            self.weigh(room, innovation)?;
             self.take(filter, room, innovation)?;
         }
         Ok(prediction)
@@ -267,6 +274,47 @@ impl Sample<'_> {
         let nis = normalised_square(lower, variances, &mut white[..count]);
         let logarithm: f64 = variances[..count].iter().map(|variance| (TAU * variance).ln()).sum();
         Ok(Prediction { nis, log_likelihood: -0.5 * (nis + logarithm), is_taken: nis <= self.gate })
+    }
+
+    /// Divides the noise R of heavy tails by the mean λ = (ν + m)/(ν + tr R⁻¹⟨v·vᵀ⟩) that the sample gives it, found in turn with the update
+    /// (Agamennoni, Nieto and Nebot, IEEE Trans. Signal Process. 60, 5024, 2012): ⟨v·vᵀ⟩ = R′·S′⁻¹·r·rᵀ·S′⁻¹·R′ + R′ − R′·S′⁻¹·R′, R′ = R/λ.
+    fn weigh(&self, room: &mut Room, innovation: &[f64]) -> Result<(), FilterError> {
+        if self.freedom.is_infinite() {
+            return Ok(());
+        }
+        let (m, count) = (room.values.len(), room.present.len());
+        let mut weight = 1.0;
+        for _ in 0..ITERATIONS {
+            room.expect(self, weight);
+            let Room { present, s, lower, variances, weights, combined, .. } = room;
+            if !factor(s, count, lower, variances) || variances[..count].contains(&0.0) {
+                return Err(FilterError::InnovationNotPositive);
+            }
+            // y = S′⁻¹·r and tr S′⁻¹·R by the rows of the factor's inverse.
+            combined.fill(0.0);
+            let (row, mut trace) = (&mut weights[..count], 0.0);
+            let r_between = |i: usize, j: usize| self.r[present[i] * m + present[j]];
+            for (k, variance) in variances.iter().enumerate().take(count) {
+                row_of_inverse(lower, k, row);
+                let along: f64 = present.iter().zip(&*row).map(|(own, w)| innovation[*own] * w).sum();
+                for (i, w) in row.iter().enumerate() {
+                    combined[i] += w * along / variance;
+                    trace += (0..count).map(|j| w * r_between(i, j) * row[j]).sum::<f64>() / variance;
+                }
+            }
+            let square =
+                |i: usize| -> f64 { (0..count).map(|j| combined[i] * r_between(i, j) * combined[j]).sum() };
+            let squares: f64 = (0..count).map(square).sum();
+            let size = (squares - trace) / (weight * weight) + count as f64 / weight;
+            let next = (self.freedom + count as f64) / (self.freedom + size);
+            let moved = (next - weight).abs();
+            weight = next;
+            if moved <= SETTLED * weight {
+                break;
+            }
+        }
+        room.expect(self, weight);
+        Ok(())
     }
 
     /// One after the other, in combinations whose noises are independent.

@@ -320,7 +320,7 @@ fn nis_interval(updates: usize) -> Option<[f64; 2]> {
 
 impl NisConsistency {
     /// From the sums over so many updates; `None` where there is none.
-    fn of(sum_nis: f64, updates: usize, log_likelihood: f64) -> Option<Self> {
+    pub fn of(sum_nis: f64, updates: usize, log_likelihood: f64) -> Option<Self> {
         let ([lower, upper], n) = (nis_interval(updates)?, updates as f64);
         Some(Self { mean_nis: sum_nis / n, lower, upper, updates, log_likelihood })
     }

@@ -45,7 +45,7 @@ pub enum ReadError {
         start_s: f64,
     },
     /// The file was read to its end, and at least one finding makes it unusable.
-    #[error("`{file}` cannot be used as a recording:{}", list(findings))]
+    #[error("{} cannot be used as a recording:{}", origin(file, findings), list(findings))]
     Unusable {
         /// The path as given.
         file: String,
@@ -114,6 +114,12 @@ impl ReadError {
             findings: unreadable(FindingKind::HeaderOnly, line, detail),
         }
     }
+}
+
+/// The file, or the arrays that were given in place of it.
+fn origin(file: &str, findings: &[Finding]) -> String {
+    let of_arrays = findings.iter().any(|finding| finding.in_arrays);
+    format!("{}`{file}`", if of_arrays { "the arrays in place of " } else { "" })
 }
 
 fn list(findings: &[Finding]) -> String {

@@ -389,6 +389,8 @@ impl fmt::Display for Finding {
             1 => write!(f, " (1 {one})")?,
             count => write!(f, " (the first of {count} {several})")?,
         }
-        write!(f, "; {}", self.kind.consequence(self.purpose))
+        let is_given = self.in_arrays && self.kind == FindingKind::NoSuchColumn;
+        let given = "give one of this name, or name one that there is";
+        write!(f, "; {}", if is_given { given } else { self.kind.consequence(self.purpose) })
     }
 }

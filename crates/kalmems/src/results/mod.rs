@@ -40,5 +40,5 @@ pub use summary::{
 };
 #[cfg(feature = "parquet-results")]
 pub(crate) use trajectories::TrajectoryFile;
-pub use verdict::Verdict;
 pub(crate) use verdict::doubts;
+pub use verdict::{Verdict, grade_of_innovations};

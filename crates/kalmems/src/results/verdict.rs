@@ -98,7 +98,7 @@ pub(crate) fn doubts<'a>(
         let ParameterAnswer { name, end, end_sd, fault, .. } = parameter;
         Some((format!("`{name}`, {end:.2e} ± {end_sd:.1e} at the end, {}", (*fault)?), "uncertainty"))
     });
-    let of_size = consistency.filter(|found| found.mean_nis < found.lower.min(UNUSUALLY_CAREFUL_NIS));
+    let of_size = consistency.filter(|found| is_too_careful(found));
     let of_size = of_size.map(|found| {
         let text = format!(
             "the mean NIS of {:.3}: the filter claims innovations that are {:.1} times as large as they are, so that it averages over more samples \
@@ -112,6 +112,32 @@ pub(crate) fn doubts<'a>(
     of_parameters.chain(of_gate).chain(of_size)
 }
 
+/// Whether a finding of a test shows a claim that is wrong by a large factor.
+fn is_wrong(found: &TestResult) -> bool {
+    match found.test {
+        InnovationTest::MeanNis => found.size > WRONG_NIS,
+        InnovationTest::Smoothing => found.size > WRONG_CHANGES,
+        _ => false,
+    }
+}
+
+/// The grade of a filter of which nothing is known but its innovations: what their tests find, and their mean NIS.
+pub fn grade_of_innovations(tests: &[TestResult], consistency: &NisConsistency) -> Grade {
+    let mut failing = tests.iter().filter(|found| found.fails()).peekable();
+    let is_doubtful = failing.peek().is_some() || is_too_careful(consistency);
+    match () {
+        () if failing.any(is_wrong) => Grade::Failed,
+        () if is_doubtful => Grade::Doubtful,
+        () if consistency.holds() => Grade::Passes,
+        () => Grade::PassesWithRemarks,
+    }
+}
+
+/// Whether the claim is wrong because it is far larger than the innovations.
+fn is_too_careful(consistency: &NisConsistency) -> bool {
+    consistency.mean_nis < consistency.lower.min(UNUSUALLY_CAREFUL_NIS)
+}
+
 impl EstimatorMetrics {
     /// How far its answer can be trusted; `None` of what makes no claim.
     pub(super) fn graded(&self) -> Option<Grade> {
@@ -121,11 +147,6 @@ impl EstimatorMetrics {
             Verdict::NoClaim | Verdict::Astray => return None,
             Verdict::Consistent | Verdict::Cautious | Verdict::Overconfident => {}
         }
-        let is_wrong = |found: &TestResult| {
-            let by_size = matches!(found.test, InnovationTest::MeanNis | InnovationTest::Smoothing);
-            by_size
-                && found.size > if found.test == InnovationTest::MeanNis { WRONG_NIS } else { WRONG_CHANGES }
-        };
         Some(if self.broken_claims().next().is_some() || self.failing().any(is_wrong) {
             Grade::Failed
         } else if self.failing().next().is_some()

@@ -130,7 +130,7 @@ fn findings_of_arrays_name_samples_and_columns() {
     let WorkflowError::Read(ReadError::Unusable { findings, .. }) = error else { panic!("{error}") };
     let messages: Vec<String> = findings.iter().map(ToString::to_string).collect();
     insta::assert_snapshot!(messages.join("\n"), @r"
-    column `cap_V`: there is no such column (did you mean `cup_V`?); name a column that the file has
+    column `cap_V`: there is no such column (did you mean `cup_V`?); give one of this name, or name one that there is
     sample 7, column `time_s`: 0 s after 6e-6 s (1 time); the times are kept as they stand: a new stretch begins, and the estimate begins anew
     sample 8, column `time_s`: 7 samples are missing where one is expected every 1e-6 s (1 gap); nothing is put in: an estimate predicts over the gap where it knows the drive, or begins anew if it is beyond `longest` in `[recording.gaps]`; `identify` takes records without a gap
     ");
