@@ -200,7 +200,7 @@ fn overlay(runs: &[ComparedRun], prefix: &str) -> Figure {
     let series = |state: &str| {
         let of_run = |(place, run, one): &(usize, &ComparedRun, &ComparedSegment)| {
             let column = 3 * one.states.iter().position(|own| own == state)?;
-            let name = format!("{}: {}", run.name, one.filter);
+            let name = format!("{}: {}", run.name, one.filter.replace('_', " "));
             let band = Series::of_track("", SeriesRole::Other, &one.track, [column + 1, column + 2]);
             let line = Series::of_track(name, SeriesRole::Other, &one.track, [column, column]);
             let band = one.claims.then(|| band.of_colour(*place));
