@@ -118,8 +118,8 @@ pub(super) fn each_track(
     }
 }
 
-/// Gives what the filters say of the next samples: states, innovations and predictions. These are of the signal as recorded, where it is known: what a
-/// device subtracts of it, such as a feedthrough, is in both.
+/// Gives what the filters say of the next samples: states, innovations and predictions. These are of the signal as recorded, if it is known, so that what a
+/// device subtracts from it, such as a feedthrough, is in both.
 fn each_answer(
     estimate: &SegmentEstimate,
     wanted: Option<&str>,

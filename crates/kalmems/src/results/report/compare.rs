@@ -46,7 +46,7 @@ pub struct Comparison {
     pub html: String,
 }
 
-/// Compares results of `kalmems estimate`, the folders of which are named.
+/// Compares the results of `kalmems estimate` in these folders.
 pub fn compare(folders: &[PathBuf]) -> Result<Comparison, CompareError> {
     let mut runs = Vec::new();
     for (place, folder) in folders.iter().enumerate() {
@@ -186,7 +186,7 @@ fn over_time<'a>(
     })
 }
 
-/// The states of a segment by all runs, a colour for each run.
+/// The states of a segment in all runs, a colour for each run.
 fn overlay(runs: &[ComparedRun], prefix: &str) -> Figure {
     let own: Vec<(usize, &ComparedRun, &ComparedSegment)> = (runs.iter().enumerate().take(MOST))
         .filter_map(|(place, run)| Some((place, run, run.segment(prefix)?)))

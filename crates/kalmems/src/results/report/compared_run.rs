@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct ComparedRun {
     pub(super) name: String,
     pub(super) metrics: Value,
-    /// The trajectory of the filter that answers, for each segment of which there is one.
+    /// The trajectory of the answering filter, for each segment that has one.
     pub(super) segments: Vec<ComparedSegment>,
 }
 
@@ -105,7 +105,7 @@ impl ComparedRun {
     }
 }
 
-/// The key of the filter that answers for a segment: of the best grade, then the likeliest where one is, then with the fewest parameters as states.
+/// The key of the filter that answers for a segment: of the best grade, then the likeliest unless it is tied, then with the fewest parameters as states.
 fn answering(segment: &Value) -> Option<String> {
     let is_tied = segment.pointer("/likeliest/ahead").and_then(Value::as_f64).is_some_and(is_tie);
     let likeliest = segment.pointer("/likeliest/key").and_then(Value::as_str).filter(|_| !is_tied);
@@ -206,7 +206,7 @@ impl TrajectoryRows {
         Ok(Self { rows, row: csv::StringRecord::new(), states, columns, claims, values: Vec::new() })
     }
 
-    /// The time of the next row, and each state with its standard deviation; not a number where there is none.
+    /// The time of the next row, and each state with its standard deviation; not a number if there is none.
     fn next(&mut self) -> Result<Option<(f64, &[[f64; 2]])>, String> {
         if !self.rows.read_record(&mut self.row).map_err(|e| e.to_string())? {
             return Ok(None);
