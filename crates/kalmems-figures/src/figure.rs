@@ -387,7 +387,7 @@ impl Series {
         self.role
     }
 
-    /// The place of its colour among the free ones, where that is stated.
+    /// The place of its colour among the free ones, if that is stated.
     pub(crate) fn colour_place(&self) -> Option<usize> {
         self.colour_place
     }

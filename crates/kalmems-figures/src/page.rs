@@ -205,7 +205,7 @@ impl PageSection {
         self
     }
 
-    /// With one box for all notices of the same severity where the first notice is, the worst first.
+    /// With one box for all notices of the same severity where the first notice is, the worst first and notes last.
     fn with_a_box_for_each_severity(mut self) -> Self {
         let is_notice =
             |block: &PageBlock| matches!(block, PageBlock::Notice { .. } | PageBlock::Findings { .. });
@@ -224,7 +224,12 @@ impl PageSection {
                 None => boxes.push((severity, texts)),
             }
         }
-        boxes.sort_by_key(|(severity, _)| std::cmp::Reverse(*severity));
+        boxes.sort_by_key(|(severity, _)| match severity {
+            NoticeSeverity::Failure => 0,
+            NoticeSeverity::Warning => 1,
+            NoticeSeverity::Ok => 2,
+            NoticeSeverity::Note => 3,
+        });
         let boxes = boxes.into_iter().map(|(severity, texts)| PageBlock::Findings { severity, texts });
         let first = first.unwrap_or(blocks.len());
         blocks.splice(first..first, boxes);

@@ -5,7 +5,7 @@ use crate::text::printable;
 
 /// Between two columns.
 const GAP: usize = 2;
-/// Columns that stay where others have no room.
+/// Columns that stay if others have no room.
 const VERDICTS: [&str; 2] = ["verdict", "agrees"];
 /// A column of words is not made narrower than this.
 const NARROW: usize = 10;

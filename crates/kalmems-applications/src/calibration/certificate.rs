@@ -7,7 +7,7 @@ use super::inputs::{OF_REPEATABILITY, OF_REPRODUCIBILITY};
 use super::outcome::{CalibratedGyroscope, Calibration, CrossCheck, UncertainEstimate};
 use super::quantities::{CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome};
 use super::rest::{BiasMethod, InertialSensor};
-use super::results::{at_rest, budget, comparisons, matrix, noted, with_uncertainty};
+use super::results::{at_rest, budget, comparisons, matrix, with_uncertainty};
 use super::tone::AXES;
 use crate::calibration::file::CertificateDetails;
 use crate::metrology::{Input, coverage_probability};
@@ -513,7 +513,7 @@ pub fn certificate_page(certificate: &Certificate, found: &Calibration, figures:
     }
     page = page.with(checks_section(certificate, found));
     if !certificate.not_stated.is_empty() {
-        page = page.with(noted(PageSection::new("Not stated"), certificate.not_stated.clone()));
+        page = page.with(PageSection::new("Not stated").list(certificate.not_stated.clone()));
     }
     page = page.with(PageSection::new("Records").table(files_table(certificate)).paragraph(format!(
         "Computed by {}. The same files give the same certificate to the last byte.",
@@ -548,20 +548,18 @@ fn checks_section(certificate: &Certificate, found: &Calibration) -> PageSection
     if !certificate.comparisons.is_empty() {
         valid = valid.table(comparisons(certificate.comparisons));
     }
-    for check in &certificate.validity {
-        let (severity, word) = if check.passes {
-            (NoticeSeverity::Ok, "")
-        } else {
-            (NoticeSeverity::Failure, "this check fails: ")
-        };
-        let explained = if check.passes { String::new() } else { link("applications") };
-        valid = valid.notice(severity, format!("{word}{}: {}{explained}", check.what, check.found));
-    }
+    let said = |passes: bool| {
+        let (word, link) =
+            if passes { ("", String::new()) } else { ("this check fails: ", link("applications")) };
+        let own = certificate.validity.iter().filter(move |check| check.passes == passes);
+        own.map(|check| format!("{word}{}: {}{link}", check.what, check.found)).collect::<Vec<String>>()
+    };
+    valid = valid.findings(NoticeSeverity::Failure, said(false)).findings(NoticeSeverity::Ok, said(true));
     let of_results = found.results.iter().flat_map(|result| &result.not_observed);
     let not_observed = of_results.chain(found.records.iter().flat_map(|record| &record.not_observed));
     let lines =
         not_observed.map(|line| format!("Not observed: {line}")).chain(found.findings.iter().cloned());
-    noted(valid, lines)
+    valid.findings(NoticeSeverity::Note, lines.collect())
 }
 
 /// ISO/IEC 17025, 7.8.2.1.

@@ -1017,8 +1017,8 @@ fn allan(rests: &[&AxisAtRest], sensor: InertialSensor, w: &mut dyn Write) -> io
 }
 
 /// A section with notes, which a print shows as well.
-pub(super) fn noted(section: PageSection, lines: impl IntoIterator<Item = String>) -> PageSection {
-    lines.into_iter().fold(section, |section, line| section.notice(NoticeSeverity::Note, line))
+fn noted(section: PageSection, lines: impl IntoIterator<Item = String>) -> PageSection {
+    section.findings(NoticeSeverity::Note, lines.into_iter().collect())
 }
 
 fn page(found: &Calibration, figures: &[Figure]) -> Page {

@@ -1154,7 +1154,7 @@
   // A link to a part unfolds it and shows its tab, and paper has all parts.
   const parts = [...document.querySelectorAll("details.part")];
   const unfold = () => {
-    const target = location.hash && document.getElementById(location.hash.slice(1));
+    const target = location.hash ? document.getElementById(location.hash.slice(1)) : null;
     const tab = target?.closest(".tab")?.previousElementSibling;
     if (tab) document.getElementById(tab.htmlFor).checked = true;
     parts.filter((part) => target && (target.contains(part) || part.contains(target))).forEach((part) => { part.open = true; });

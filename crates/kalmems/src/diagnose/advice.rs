@@ -49,7 +49,7 @@ struct WholeRun {
     density: f64,
     /// The root mean square error of the answer against the reference with its unit, where there is one.
     error: Option<(f64, &'static str)>,
-    /// The innovations of the first segment over the cycle of the motion, where it has one.
+    /// The innovations of the first segment over the cycle of the motion, if it has one.
     cycle: Option<CycleEvidence>,
 }
 

@@ -1,4 +1,4 @@
-//! An experiment file with other values at some keys: every other character of it stays.
+//! An experiment file with other values at some keys: nothing else of it changes but the description, which is marked as that of the file before.
 
 use super::{CauseReport, Edit};
 use crate::config::{Experiment, Key, KeyStep};

@@ -288,7 +288,7 @@ fn people_read(unit: &'static str) -> (&'static str, f64) {
 /// Half the height of a bar, of rows that are 1 apart.
 const HALF_BAR: f64 = 0.3;
 
-/// The innovations over the cycle of the motion before and after the correction of the first cause; `None` where that was not tried.
+/// The innovations over the cycle of the motion before and after the correction of the first cause; `None` if that was not tried.
 fn over_the_cycle(found: &Diagnosis) -> Option<Figure> {
     let [before, after] = found.cycles.as_slice() else { return None };
     let cause = &found.causes.first()?.name;

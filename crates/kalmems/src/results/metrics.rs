@@ -137,8 +137,13 @@ pub struct FilterSelection {
 impl FilterSelection {
     /// Whether the next filter is as good as told by these numbers: less than a factor of 20 in the likelihood is no difference.
     pub fn is_tied(&self) -> bool {
-        self.ahead.is_some_and(|ahead| ahead < 20_f64.portable_ln())
+        self.ahead.is_some_and(is_tie)
     }
+}
+
+/// Whether a filter whose log-likelihood is larger by so much is as good as the next one.
+pub(super) fn is_tie(ahead: f64) -> bool {
+    ahead < 20_f64.portable_ln()
 }
 
 /// The choice between those filters whose answer passes; `None` where there is but one filter, or none passes.

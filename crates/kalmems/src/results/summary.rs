@@ -34,7 +34,7 @@ pub struct Notice {
     tail: String,
 }
 
-/// Characters of the names of filters of which the same is said, from which on the first is named and the others are counted.
+/// Characters of names of filters; of longer ones the first is named and the others are counted.
 const NAMES: usize = 40;
 
 impl Notice {

@@ -79,10 +79,11 @@ pub(super) fn each_track(
     if let Some(input) = column(&estimate.drive_column) {
         sink.take(INPUT, single("V"), time().zip(input).map(|(t, v)| (t, alone(*v))));
     }
-    if let Some(signal) = column(&estimate.signal_column) {
+    let signal = column(&estimate.signal_column);
+    if let Some(signal) = signal {
         sink.take(SIGNAL, single(unit), time().zip(signal).map(|(t, y)| (t, alone(y * factor))));
     }
-    each_answer(estimate, recording.values.first().map(|value| value.name), sink);
+    each_answer(estimate, recording.values.first().map(|value| value.name), signal, sink);
     let interval_s = own.time.interval_s().unwrap_or(0.0);
     let within = |time_s: f64, times: &[f64]| match (times.first(), times.last()) {
         (Some(first), Some(last)) => part.has(time_s, [*first, *last], interval_s),
@@ -117,8 +118,14 @@ pub(super) fn each_track(
     }
 }
 
-/// Gives what the filters say of the next samples: states, innovations and predictions.
-fn each_answer(estimate: &SegmentEstimate, wanted: Option<&str>, sink: &mut impl SampleSink) {
+/// Gives what the filters say of the next samples: states, innovations and predictions. These are of the signal as recorded, if it is known, so that what a
+/// device subtracts from it, such as a feedthrough, is in both.
+fn each_answer(
+    estimate: &SegmentEstimate,
+    wanted: Option<&str>,
+    recorded: Option<&[f64]>,
+    sink: &mut impl SampleSink,
+) {
     let (signal_unit, signal_factor) = signal_unit(estimate);
     for trajectory in &estimate.trajectories {
         let times = || trajectory.time_s.iter().copied();
@@ -140,7 +147,9 @@ fn each_answer(estimate: &SegmentEstimate, wanted: Option<&str>, sink: &mut impl
             let each = each.map(|(t, (r, sd))| (t, [r * factor, 3.0 * sd * factor]));
             sink.take(&key, SampledQuantity { unit, band: Some(BandCentre::Zero) }, each);
         }
-        let predicted = times().zip(trajectory.signal.iter().zip(&trajectory.innovation));
+        let recorded = recorded.filter(|recorded| recorded.len() == trajectory.innovation.len());
+        let signal = recorded.unwrap_or(&trajectory.signal);
+        let predicted = times().zip(signal.iter().zip(&trajectory.innovation));
         let predicted = predicted.map(|(t, (y, r))| (t, alone((y - r) * signal_factor)));
         sink.take(&of_prediction(trajectory), single(signal_unit), predicted);
     }
@@ -199,7 +208,7 @@ impl Tracks {
 
     /// Takes what the filters say of the next samples: states, innovations and predictions.
     pub(crate) fn answers(&mut self, estimate: &SegmentEstimate, wanted: Option<&str>) {
-        each_answer(estimate, wanted, self);
+        each_answer(estimate, wanted, None, self);
     }
 
     /// The track of this name.

@@ -5,7 +5,7 @@ use crate::inspect::quantity;
 use crate::results::{shown_for_people, value_and_sd};
 use crate::units::kind;
 
-/// The state by which a motion that oscillates is known.
+/// The state that describes an oscillation.
 const AMPLITUDE: &str = "amplitude";
 
 /// The last estimate of a quantity.

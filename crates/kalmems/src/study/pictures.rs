@@ -118,7 +118,7 @@ fn ends(series: &[Series], scale: AxisScale) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
 
-/// The true value of a parameter of the device of which the filters assume others, as an upright line between these heights.
+/// The true value of a device's parameter for which the filters assume others, as an upright line between these heights.
 pub(super) fn true_value(plan: &StudyPlan, place: usize, [low, high]: [f64; 2]) -> Option<Series> {
     let axis = plan.axes.get(place).filter(|axis| axis.applies_to == AppliesTo::Told)?;
     let stated = plan.truth.iter().find(|(key, _)| *key == axis.key).map(|(_, value)| value);

@@ -46,7 +46,7 @@ pub struct Comparison {
     pub html: String,
 }
 
-/// Compares results of `kalmems estimate`, the folders of which are named.
+/// Compares the results of `kalmems estimate` in these folders.
 pub fn compare(folders: &[PathBuf]) -> Result<Comparison, CompareError> {
     let mut runs = Vec::new();
     for (place, folder) in folders.iter().enumerate() {
@@ -186,7 +186,7 @@ fn over_time<'a>(
     })
 }
 
-/// The states of a segment by all runs, a colour for each run.
+/// The states of a segment in all runs, a colour for each run.
 fn overlay(runs: &[ComparedRun], prefix: &str) -> Figure {
     let own: Vec<(usize, &ComparedRun, &ComparedSegment)> = (runs.iter().enumerate().take(MOST))
         .filter_map(|(place, run)| Some((place, run, run.segment(prefix)?)))
@@ -200,7 +200,7 @@ fn overlay(runs: &[ComparedRun], prefix: &str) -> Figure {
     let series = |state: &str| {
         let of_run = |(place, run, one): &(usize, &ComparedRun, &ComparedSegment)| {
             let column = 3 * one.states.iter().position(|own| own == state)?;
-            let name = format!("{}: {}", run.name, one.filter);
+            let name = format!("{}: {}", run.name, one.filter.replace('_', " "));
             let band = Series::of_track("", SeriesRole::Other, &one.track, [column + 1, column + 2]);
             let line = Series::of_track(name, SeriesRole::Other, &one.track, [column, column]);
             let band = one.claims.then(|| band.of_colour(*place));

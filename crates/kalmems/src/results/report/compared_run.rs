@@ -3,6 +3,7 @@
 use super::compare::CompareError;
 use super::names::of_parts;
 use crate::evaluate::Grade;
+use crate::results::metrics::is_tie;
 use kalmems_figures::Track;
 use serde_json::Value;
 use std::fs::{self, File};
@@ -13,7 +14,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct ComparedRun {
     pub(super) name: String,
     pub(super) metrics: Value,
-    /// The trajectory of the filter that answers, for each segment of which there is one.
+    /// The trajectory of the answering filter, for each segment that has one.
     pub(super) segments: Vec<ComparedSegment>,
 }
 
@@ -104,9 +105,10 @@ impl ComparedRun {
     }
 }
 
-/// The key of the filter that answers for a segment: of the best grade, then the likeliest, then with the fewest parameters as states.
+/// The key of the filter that answers for a segment: of the best grade, then the likeliest unless it is tied, then with the fewest parameters as states.
 fn answering(segment: &Value) -> Option<String> {
-    let likeliest = segment.pointer("/likeliest/key").and_then(Value::as_str);
+    let is_tied = segment.pointer("/likeliest/ahead").and_then(Value::as_f64).is_some_and(is_tie);
+    let likeliest = segment.pointer("/likeliest/key").and_then(Value::as_str).filter(|_| !is_tied);
     let judged = entries(segment, "estimators").iter().filter_map(|filter| {
         let grade: Grade = serde_json::from_value(filter.get("grade")?.clone()).ok()?;
         let key = text(filter, "key");
@@ -204,7 +206,7 @@ impl TrajectoryRows {
         Ok(Self { rows, row: csv::StringRecord::new(), states, columns, claims, values: Vec::new() })
     }
 
-    /// The time of the next row, and each state with its standard deviation; not a number where there is none.
+    /// The time of the next row, and each state with its standard deviation; not a number if there is none.
     fn next(&mut self) -> Result<Option<(f64, &[[f64; 2]])>, String> {
         if !self.rows.read_record(&mut self.row).map_err(|e| e.to_string())? {
             return Ok(None);
@@ -282,5 +284,10 @@ mod tests {
         assert_eq!(of("a", ["doubtful", "passes"]), "b");
         assert_eq!(of("b", ["passes", "passes"]), "b");
         assert_eq!(of("", ["passes", "passes"]), "a");
+        let tied = serde_json::json!({ "key": "b", "ahead": 0.1 });
+        let filters =
+            serde_json::json!([{ "key": "a", "grade": "passes" }, { "key": "b", "grade": "passes" }]);
+        let segment = serde_json::json!({ "likeliest": tied, "estimators": filters });
+        assert_eq!(answering(&segment).unwrap(), "a");
     }
 }

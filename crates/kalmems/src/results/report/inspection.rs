@@ -78,7 +78,9 @@ fn channels_figure(
 
 /// What a recording holds as a page: its text, which needs nothing else.
 pub fn inspection_page(inspection: &Inspection) -> Result<String, ReportError> {
+    let text = inspection.to_text();
     let verdict = PageSection::new("What was found").part(PagePart::Verdict);
+    let verdict = text.lines().next().into_iter().fold(verdict, PageSection::paragraph);
     let verdict = if inspection.is_usable() {
         verdict.notice(NoticeSeverity::Ok, "The recording can be used as it is.")
     } else {
@@ -87,8 +89,6 @@ pub fn inspection_page(inspection: &Inspection) -> Result<String, ReportError> {
             format!("It cannot be used as a recording as it is; the diagnosis says why{}.", link("findings")),
         )
     };
-    let text = inspection.to_text();
-    let verdict = text.lines().next().into_iter().fold(verdict, PageSection::paragraph);
     let mut page = Page::new(format!("{}: what it holds", inspection.source.file), "")
         .with(verdict.preformatted("The diagnosis", text.as_str()));
     // A view of one of the pictures is none of the other.

@@ -54,7 +54,7 @@ impl<'a> AnsweredOutlook<'a> {
     }
 }
 
-/// The point at which the experiment drives the device, where it has a steady motion there: the drive's frequency in Hz, the amplitude in deg.
+/// The drive's frequency in Hz and the amplitude of the steady motion in deg; `None` without a steady motion.
 fn operating_point(outlook: &Outlook) -> Option<[f64; 2]> {
     let [amplitude, frequency_hz] = *outlook.fact("steady_deg_at_hz")?.values.as_slice() else { return None };
     Some([frequency_hz, amplitude])

@@ -203,14 +203,12 @@ fn simulation_page(
         .to_html()
 }
 
-/// The name of a column in words, and its unit: `cap_V` as "cap" and "V".
-fn labelled(column: &str) -> (String, &str) {
-    let (name, unit) = column.rsplit_once('_').unwrap_or((column, "1"));
-    // Such as `rate_rad_per_s`.
-    match column.find("_rad_per_").or_else(|| column.find("_m_per_")) {
-        Some(at) => (column[..at].replace('_', " "), &column[at + 1..]),
-        None => (name.replace('_', " "), unit),
-    }
+/// The name of a column in words, and its unit as people write it: `accel_m_per_s2` as "accel" and "m/s^2".
+fn labelled(column: &str) -> (String, String) {
+    let unit = ColumnHeader::parse(column).unit_text;
+    let name = column.strip_suffix(&unit).map_or(column, |name| name.trim_end_matches('_'));
+    let unit = unit.replace("_per_", "/").replace('_', " ").replace("s2", "s^2").replace("s3", "s^3");
+    (name.replace('_', " "), unit)
 }
 
 /// Samples between two looks at whether to go on.
@@ -264,4 +262,21 @@ struct NoiseSeedRecord {
     generator: &'static str,
     seed: u64,
     stream: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::labelled;
+
+    #[test]
+    fn a_column_has_words_and_a_unit_that_people_write() {
+        for (column, name, unit) in [
+            ("cap_V", "cap", "V"),
+            ("rate_rad_per_s", "rate", "rad/s"),
+            ("acceleration_m_per_s2", "acceleration", "m/s^2"),
+            ("near_end_velocity_m_per_s", "near end velocity", "m/s"),
+        ] {
+            assert_eq!(labelled(column), (name.to_owned(), unit.to_owned()));
+        }
+    }
 }
