@@ -24,9 +24,16 @@ pub(super) struct Widths {
     pub(super) constants: bool,
     /// What a stage is handed and returns.
     pub(super) stage: bool,
+    /// Of a covariance of 64 bits the last sum alone is computed in 64, and what is added to it in 32.
+    pub(super) sums: bool,
 }
 
 impl Widths {
+    /// Whether a result goes to this array with all that leads to it in 64 bits.
+    fn leads_to(self, array: StorageArray) -> bool {
+        self.of(array) && !(self.sums && array == StorageArray::Covariance)
+    }
+
     pub(super) fn of(self, array: StorageArray) -> bool {
         match array {
             StorageArray::Mean => self.mean,
@@ -120,18 +127,19 @@ impl Routine {
         self.widths = widths;
         let mut open: Vec<TapeId> = Vec::new();
         for (array, _, id) in &self.outputs {
-            if widths.of(*array) {
+            if widths.leads_to(*array) {
                 open.push(*id);
             }
         }
+        let has_wide_gain = widths.leads_to(StorageArray::Covariance);
         if widths.stage {
             open.extend(self.calls.iter().flat_map(|call| call.arguments.iter().copied()));
         }
-        if widths.covariance {
+        if has_wide_gain {
             open.extend(self.variance);
         }
         let mut wide = vec![false; self.tape.len()];
-        let is_gain = |id: &TapeId| !widths.covariance && self.gains.contains(id);
+        let is_gain = |id: &TapeId| !has_wide_gain && self.gains.contains(id);
         while let Some(id) = open.pop() {
             match self.tape.op(id) {
                 TapeOp::Name(_) => continue,
@@ -141,6 +149,11 @@ impl Routine {
             if let Some(slot) = wide.get_mut(id.index()).filter(|slot| !**slot) {
                 *slot = true;
                 open.extend(self.tape.op(id).parts());
+            }
+        }
+        for (array, _, id) in &self.outputs {
+            if let Some(slot) = wide.get_mut(id.index()).filter(|_| widths.of(*array)) {
+                *slot = true;
             }
         }
         for (id, wide) in (0_u32..).map(TapeId).zip(&mut wide) {
