@@ -32,7 +32,7 @@ pub(super) fn weights(request: &EmitRequest, units: &Units) -> StepWeights {
 /// How far a number of a rate may be from that of the linear part, relative to the largest of its row.
 const SAME: f64 = 1e-9;
 
-/// Of each rate that is a sum of the states with the numbers of the linear part, and of something that does not move: the latter.
+/// For each rate that is A·x + g, with the row A of the linear part and g free of the states: g. None for the other rates.
 pub(super) fn affine_rates(
     context: &mut Context<'_>,
     weights: &StepWeights,

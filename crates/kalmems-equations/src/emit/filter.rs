@@ -151,7 +151,7 @@ impl Context<'_> {
         Ok(routine)
     }
 
-    /// Means with whole periods taken off, and F·P·Fᵀ + Q; for increments, with G = F − 1 in the place of F, P + G·P + (G·P)ᵀ + G·P·Gᵀ + Q.
+    /// Means with whole periods taken off, and F·P·Fᵀ + Q; for increments, with G = F − 1 instead of F, P + G·P + (G·P)ᵀ + G·P·Gᵀ + Q.
     pub(super) fn finish_prediction(
         &self,
         routine: &mut Routine,

@@ -54,7 +54,7 @@ pub struct EmittedFilter {
     /// The inputs that a step takes in their order, before the measurements of the request: each by its place among the device's inputs and its point of
     /// the interval before the sample, 0 at the start, 1 in the middle and 2 at the end.
     pub inputs: Vec<(usize, usize)>,
-    /// The names of these inputs and, behind them, of the measurements.
+    /// The names of these inputs, then those of the measurements.
     pub columns: Vec<String>,
     /// The names of the states with their units, as the functions of the source have them.
     pub states: Vec<String>,

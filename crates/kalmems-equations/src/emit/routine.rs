@@ -24,7 +24,7 @@ pub(super) struct Widths {
     pub(super) constants: bool,
     /// What a stage is handed and returns.
     pub(super) stage: bool,
-    /// Of a covariance of 64 bits the last sum alone is computed in 64, and what is added to it in 32.
+    /// A covariance of 64 bits is summed in 64 bits, and the increment of a step is computed in 32.
     pub(super) sums: bool,
 }
 
@@ -81,7 +81,7 @@ pub(super) struct Routine {
     pub(super) residual: Option<TapeId>,
     /// The gains of a correction.
     pub(super) gains: Vec<TapeId>,
-    /// What the source calls a result that it gives a name, where it has a meaning in the filter's equations.
+    /// The names of results that have a meaning in the filter's equations.
     labels: HashMap<TapeId, String>,
     /// Which arrays have 64 bits, and which operations compute with as many; none where the list is shorter.
     pub(super) widths: Widths,
@@ -110,7 +110,7 @@ pub(super) trait Syntax {
 const LONGEST: usize = 72;
 
 impl Routine {
-    /// The name of a result in the source, if that gives it one. Of two names the first one stays; each name is given once.
+    /// Names a result. The first name stays, and each name is given once.
     pub(super) fn label(&mut self, id: TapeId, name: String) {
         if !self.labels.values().any(|known| *known == name) {
             self.labels.entry(id).or_insert(name);

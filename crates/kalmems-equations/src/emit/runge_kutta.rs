@@ -77,7 +77,7 @@ pub(super) struct StageSource {
     of_stage: Vec<NodeId>,
     of_states: Vec<usize>,
     held: ExternalValues,
-    /// Of each rate that is a sum of the states with the numbers of the linear part, and of what does not move: the latter.
+    /// For each rate that is A·x + g, with the row A of the linear part and g free of the states: g. None for the other rates.
     pub(super) affine: Vec<Option<NodeId>>,
     pub(super) size: usize,
     pub(super) moving: usize,

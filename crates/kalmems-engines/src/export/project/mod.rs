@@ -5,9 +5,9 @@ mod fmu;
 use super::{ExportError, Exported, SourceLanguage};
 
 /// A file of a project: its place, and its text with names in `@`.
-type Template = (&'static str, &'static str);
+type ProjectFile = (&'static str, &'static str);
 
-const OF_C: [Template; 8] = [
+const OF_C: [ProjectFile; 8] = [
     ("README.md", include_str!("README_C.md")),
     ("CMakeLists.txt", include_str!("CMakeLists.txt")),
     ("meson.build", include_str!("meson.build")),
@@ -17,7 +17,7 @@ const OF_C: [Template; 8] = [
     ("zephyr/CMakeLists.txt", include_str!("zephyr.cmake")),
     ("zephyr/Kconfig", include_str!("Kconfig")),
 ];
-const OF_RUST: [Template; 3] = [
+const OF_RUST: [ProjectFile; 3] = [
     ("README.md", include_str!("README_RUST.md")),
     ("Cargo.toml", include_str!("Cargo.toml.txt")),
     ("src/lib.rs", include_str!("lib.txt")),
@@ -94,7 +94,7 @@ impl ProjectTexts {
             .replace("@gaps@", &each(&|_| ", gap".to_owned()))
     }
 
-    /// The examples of a build file, with the test where there is one.
+    /// The examples of a build file, with the self-test if the source has one.
     fn examples(&self, [examples, test, source]: [&str; 3]) -> String {
         let (test, source) = if self.has_self_test { (test.trim_end(), source) } else { ("", "") };
         examples.trim_end().replace("@self_test@", test).replace("@self_test_source@", source)
