@@ -448,6 +448,10 @@ pub struct ExportArguments {
     /// Compile the source here (by `cc` or `rustc`), run it over the whole first stretch of the recording, and compare it with the estimate.
     #[arg(long)]
     pub verify: bool,
+    /// Also write the files with which tools build the source: of C for CMake, Meson, PlatformIO, Arduino and Zephyr, a
+    /// program that takes samples from an interrupt, and a unit of FMI 3.0; of Rust a crate. For a device that is described by equations.
+    #[arg(long)]
+    pub project: bool,
     /// Estimate the instructions of a step on this processor, of a device that is described by equations.
     #[arg(long, value_enum)]
     pub cpu: Option<Processor>,
@@ -485,6 +489,9 @@ pub enum Processor {
     /// No floating point.
     #[value(name = "cortex-m0plus")]
     CortexM0plus,
+    /// RISC-V with floating point of 32 bits.
+    #[value(name = "rv32imfc")]
+    Rv32imfc,
 }
 
 /// The languages of an export.

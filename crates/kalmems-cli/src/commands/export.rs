@@ -44,6 +44,11 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), Com
     let exported = source(workbench, &experiment, &request).map_err(|e| wrong(&e))?;
     let cost = source_cost::said(&exported, arguments)?;
     let tried = if arguments.verify { Some(tried(&exported, request.target)?) } else { None };
+    let exported = if arguments.project {
+        exported.into_project(request.target).map_err(|e| wrong(&e))?
+    } else {
+        exported
+    };
     let work = Work::of_file("export", &arguments.experiment, experiment.files());
     let output = arguments.folder.begin(&["exported", &experiment.name.to_string()], work)?;
     write_export(&exported, &output).map_err(|e| wrong(&e))?;
@@ -56,6 +61,7 @@ pub fn run(workbench: &Workbench, arguments: &ExportArguments) -> Result<(), Com
             "files": files,
             "verified": tried,
             "cost": exported.cost,
+            "instructions": exported.cost.zip(arguments.cpu).map(|(cost, cpu)| source_cost::instructions(&cost, cpu)),
         }));
     }
     for file in files {

@@ -114,6 +114,34 @@ fn the_filter_that_is_exported_without_a_choice_is_not_the_least_accurate_and_th
 }
 
 #[test]
+fn a_step_that_takes_longer_than_the_budget_is_refused_with_what_would_take_less() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let export = |more: &[&str]| {
+        let experiment = "examples/shared_scanner/microcontroller.toml";
+        let first = ["export", experiment, "--target", "c", "--filter", "EKF", "--json", "--force", "--out"];
+        run(&[&first[..], &[out.to_str().unwrap()], more].concat())
+    };
+    let mut found = Vec::new();
+    for cpu in ["cortex-m4f", "cortex-m7", "cortex-m0plus", "rv32imfc"] {
+        let said = export(&["--cpu", cpu, "--project"]);
+        let json: serde_json::Value = serde_json::from_slice(&said.stdout).unwrap();
+        found.push(json["instructions"].as_f64().unwrap());
+    }
+    // Counted by QEMU: 581, 583, 36880 and 578.
+    for (found, counted) in found.iter().zip([581.0, 583.0, 36880.0, 578.0]) {
+        assert!((found / counted - 1.0).abs() < 0.2, "{found} and {counted}");
+    }
+    assert!(out.join("CMakeLists.txt").exists() && out.join("src/scanner_filter.c").exists());
+    let limits = ["--cpu", "rv32imfc", "--clock", "100 MHz", "--budget"];
+    let refused = export(&[&limits[..], &["1 us"]].concat());
+    let said = text(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(said.contains("--budget: a step takes about 11") && said.contains("`steady_state`"), "{said}");
+    assert!(export(&[&limits[..], &["20 us"]].concat()).status.success());
+}
+
+#[test]
 fn every_topic_in_the_list_has_a_text_that_names_chapters_and_topics_that_are_there() {
     let list = text(&run(&["help", "topics"]).stdout);
     let names: Vec<&str> = list

@@ -5,6 +5,7 @@
 //! estimate derives them, and none is far from one, which suits f32; where one is exactly one, it costs nothing.
 
 mod error;
+mod project;
 mod samples;
 mod write;
 

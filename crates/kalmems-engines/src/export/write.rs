@@ -28,8 +28,12 @@ pub struct Exported {
     pub trial: Option<SourceTrial>,
     /// What a step takes, if the operations are counted.
     pub cost: Option<SourceCost>,
+    /// The names of the numbers of a sample in the order of a step's arguments, if it is made from equations.
+    pub columns: Vec<String>,
+    /// The names of the states with their units, as the functions of the source have them.
+    pub states: Vec<String>,
     /// What tells this input from another.
-    input_id: String,
+    pub(super) input_id: String,
 }
 
 /// The place of the filter that is asked for among those of the experiment.
@@ -208,7 +212,16 @@ impl Exported {
             experiment.name,
             digest.get(..12).unwrap_or(&digest)
         );
-        Self { filter, interval_s, files, trial: None, cost: None, input_id }
+        Self {
+            filter,
+            interval_s,
+            files,
+            trial: None,
+            cost: None,
+            columns: Vec::new(),
+            states: Vec::new(),
+            input_id,
+        }
     }
 }
 

@@ -59,7 +59,7 @@ fn in_rust(request: &EmitRequest, interface: &Interface, columns: &str) -> Strin
          let mut text = String::new();\n    if std::io::stdin().read_to_string(&mut text).is_err() {{\n        std::process::exit(2);\n    }}\n    \
          let given: Vec<f32> = text.split_whitespace().filter_map(|word| word.parse().ok()).collect();\n    \
          let mut filter = {name}::Filter::new();\n    for given in given.chunks_exact({count}) {{\n        let _ = filter.step({numbers});\n        \
-         let values = filter.values().map(|value| format!(\"{{value:e}}\"));\n        \
+         let values = filter.values().map(|value| format!(\"{{:e}}\", f64::from(value)));\n        \
          println!(\"{{}}\", values.join(\" \"));\n    }}\n}}\n",
         comment = rust::comment(&interface.heading),
         numbers = (0..count).map(|k| format!("given[{k}]")).collect::<Vec<_>>().join(", "),

@@ -1,13 +1,18 @@
 //! The step of [`Etdrk4`](kalmems_core::Etdrk4) with its Jacobian: the linear part and its exponentials are numbers of the source.
 
+use super::error::EmitError;
 use super::filter::{Context, OpMatrix};
+use super::laws::expanded;
 use super::request::EmitRequest;
+use super::rewrite::substituted;
 use super::routine::Routine;
 use super::runge_kutta::StageSource;
 use super::scale::Units;
 use super::tape::{Tape, TapeId};
+use crate::graph::{Graph, NodeId, Variable};
 use crate::motion::MOST_STATES;
 use kalmems_core::{EtdWeights, Mat};
+use std::collections::HashMap;
 
 /// The matrices of one step over one interval, in the units of the filter.
 pub(super) type StepWeights = EtdWeights<f64, MOST_STATES>;
@@ -24,6 +29,99 @@ pub(super) fn weights(request: &EmitRequest, units: &Units) -> StepWeights {
     EtdWeights::new(Mat::from_fn(scaled), 1.0)
 }
 
+/// How far a number of a rate may be from that of the linear part, relative to the largest of its row.
+const SAME: f64 = 1e-9;
+
+/// For each rate that is A·x + g, with the row A of the linear part and g free of the states: g. None for the other rates.
+pub(super) fn affine_rates(
+    context: &mut Context<'_>,
+    weights: &StepWeights,
+) -> Result<Vec<Option<NodeId>>, EmitError> {
+    let moving = context.model.moving;
+    let at_rest: HashMap<NodeId, NodeId> = (0..moving)
+        .map(|state| (context.model.graph.variable(Variable::State(state)), Graph::ZERO))
+        .collect();
+    let mut affine = Vec::with_capacity(moving);
+    for (row, rate) in context.model.rates.clone().iter().enumerate() {
+        let graph = &mut context.model.graph;
+        let linear = &weights.linear.0[row];
+        let largest = linear.iter().fold(0.0_f64, |largest, number| largest.max(number.abs()));
+        let mut apart = *linear;
+        let mut is_affine = true;
+        for (column, slope) in &rate.slopes {
+            match (graph.number(*slope), apart.get_mut(*column).filter(|_| *column < moving)) {
+                (Some(number), Some(apart)) => *apart -= number,
+                _ => is_affine = false,
+            }
+        }
+        is_affine &= apart.iter().all(|apart| apart.abs() <= SAME * largest);
+        affine.push(if is_affine {
+            substituted(graph, &[rate.value], &at_rest, &mut expanded)?.first().copied()
+        } else {
+            None
+        });
+    }
+    Ok(affine)
+}
+
+/// The step of a device whose rates are all affine: one matrix times the states, and what inputs add at the three points of the interval.
+fn affine_step(
+    context: &mut Context<'_>,
+    routine: &mut Routine,
+    rests: &[NodeId],
+    x: &[TapeId],
+    weights: &StepWeights,
+) -> (Vec<TapeId>, OpMatrix) {
+    let of_start = |i: usize, k: usize| {
+        weights.to_end.0[i][k] - weights.bend_of_end.0[i][k] - 2.0 * weights.bend_of_middles.0[i][k]
+    };
+    let of_middle = |i: usize, k: usize| 2.0 * weights.bend_of_middles.0[i][k];
+    let of_end = |i: usize, k: usize| weights.bend_of_end.0[i][k];
+    let points: [(&str, &dyn Fn(usize, usize) -> f64); 3] =
+        [("start", &of_start), ("middle", &of_middle), ("last", &of_end)];
+    let at_points = points.map(|(point, of)| (context.lower(&mut routine.tape, rests, point), of));
+    let moving = context.model.moving;
+    let (mut next, mut jacobian) = (Vec::with_capacity(moving), OpMatrix::new());
+    for (i, own) in x.iter().enumerate() {
+        // What an input adds that has the same value at several points is added once.
+        let mut added: Vec<(TapeId, f64)> = Vec::new();
+        for (k, state) in x.iter().enumerate() {
+            let along = (0..moving).map(|l| weights.to_end.0[i][l] * weights.linear.0[l][k]).sum();
+            added.push((*state, along));
+        }
+        let tape = &mut routine.tape;
+        jacobian.push(added.iter().map(|(_, along)| tape.literal(*along)).collect());
+        for (rests, of) in &at_points {
+            for (k, rest) in rests.iter().enumerate() {
+                match added.iter_mut().find(|(known, _)| known == rest) {
+                    Some((_, sum)) => *sum += of(i, k),
+                    None => added.push((*rest, of(i, k))),
+                }
+            }
+        }
+        let sum = added.into_iter().fold(tape.literal(0.0), |sum, (of, factor)| {
+            let factor = tape.literal(factor);
+            let term = tape.multiply(factor, of);
+            tape.add(sum, term)
+        });
+        next.push(tape.add(*own, sum));
+    }
+    if !context.increments {
+        add_identity(&mut routine.tape, &mut jacobian);
+    }
+    (next, jacobian)
+}
+
+/// Adds 1 to the entries on the diagonal.
+fn add_identity(tape: &mut Tape, matrix: &mut OpMatrix) {
+    let one = tape.literal(1.0);
+    for (i, row) in matrix.iter_mut().enumerate() {
+        if let Some(entry) = row.get_mut(i) {
+            *entry = tape.add(one, *entry);
+        }
+    }
+}
+
 /// A way from the start, and its derivatives by all states.
 struct Way {
     moved: Vec<TapeId>,
@@ -38,8 +136,16 @@ pub(super) fn steps(
     x: &[TapeId],
     weights: &StepWeights,
 ) -> (Vec<TapeId>, OpMatrix) {
-    let bent: Vec<usize> =
-        (0..stages.moving).filter(|row| !stages.is_straight(&context.model.graph, *row)).collect();
+    if let Some(rests) = stages.affine.iter().copied().collect::<Option<Vec<NodeId>>>() {
+        return affine_step(context, routine, &rests, x, weights);
+    }
+    // A rate of which the linear part describes all is a bend of its inputs alone, and none without inputs.
+    let rest_of = |row: &usize| stages.affine.get(*row).copied().flatten();
+    let is_bent = |row: &usize| rest_of(row).is_none_or(|rest| context.model.graph.number(rest).is_none());
+    let bent: Vec<usize> = (0..stages.moving).filter(is_bent).collect();
+    let driven: Vec<(usize, NodeId)> = bent.iter().filter_map(|row| Some((*row, rest_of(row)?))).collect();
+    let rests: Vec<NodeId> = driven.iter().map(|(_, rest)| *rest).collect();
+    let rests_at_start = context.lower(&mut routine.tape, &rests, "start");
     let (rate, slopes) = stages.at(context, routine, (0, "start"), x);
     let start = Way { moved: rate, slopes };
     let all: Vec<usize> = (0..stages.moving).collect();
@@ -55,7 +161,12 @@ pub(super) fn steps(
         let at: Vec<TapeId> =
             x.iter().zip(&way.moved).map(|(x, moved)| routine.tape.add(*x, *moved)).collect();
         let there = stages.at(context, routine, (number, point), &at);
-        let bend = bend(&mut routine.tape, weights, (&there, &start), (&way, &bent));
+        let rests_there = context.lower(&mut routine.tape, &rests, point);
+        let tape = &mut routine.tape;
+        let mut bend = bend(tape, weights, (&there, &start), (&way, &bent, &stages.affine));
+        for ((row, _), (there, here)) in driven.iter().zip(rests_there.iter().zip(&rests_at_start)) {
+            bend.moved[*row] = tape.subtract(*there, *here);
+        }
         let from = if number == 1 { &way } else { &straight };
         way = added(&mut routine.tape, Some(from), (onwards, &bent), &bend);
         bends.push(bend);
@@ -65,12 +176,9 @@ pub(super) fn steps(
     }
     let tape = &mut routine.tape;
     let next = x.iter().zip(&way.moved).map(|(x, moved)| tape.add(*x, *moved)).collect();
-    let one = tape.literal(1.0);
     let mut jacobian = way.slopes;
-    for (i, row) in jacobian.iter_mut().enumerate() {
-        if let Some(entry) = row.get_mut(i) {
-            *entry = tape.add(one, *entry);
-        }
+    if !context.increments {
+        add_identity(tape, &mut jacobian);
     }
     (next, jacobian)
 }
@@ -102,17 +210,18 @@ fn added(
     sum
 }
 
-/// f(x + m) − f(x) − A·m in the rows that bend, and its derivatives by all states; nothing in the others.
+/// f(x + m) − f(x) − A·m in the rows that bend and are not affine, and its derivatives by all states; nothing in the others.
 fn bend(
     tape: &mut Tape,
     weights: &StepWeights,
     (there, here): (&(Vec<TapeId>, OpMatrix), &Way),
-    (way, bent): (&Way, &[usize]),
+    (way, bent, affine): (&Way, &[usize], &[Option<NodeId>]),
 ) -> Way {
     let zero = tape.literal(0.0);
     let blank = here.slopes.iter().map(|row| vec![zero; row.len()]).collect();
     let mut bend = Way { moved: vec![zero; here.moved.len()], slopes: blank };
-    for row in bent.iter().copied() {
+    let is_affine = |row: &usize| affine.get(*row).is_some_and(Option::is_some);
+    for row in bent.iter().copied().filter(|row| !is_affine(row)) {
         let minus_here = tape.negative(here.moved[row]);
         let mut value = tape.add(there.0[row], minus_here);
         for (j, moved) in way.moved.iter().enumerate() {

@@ -41,6 +41,7 @@ pub use request::{
 };
 
 use crate::device::Device;
+use accessors::state_accesses;
 use filter::FilterProgram;
 use interface::Interface;
 use routine::Routine;
@@ -53,8 +54,10 @@ pub struct EmittedFilter {
     /// The inputs that a step takes in their order, before the measurements of the request: each by its place among the device's inputs and its point of
     /// the interval before the sample, 0 at the start, 1 in the middle and 2 at the end.
     pub inputs: Vec<(usize, usize)>,
-    /// The names of these inputs and, behind them, of the measurements.
+    /// The names of these inputs, then those of the measurements.
     pub columns: Vec<String>,
+    /// The names of the states with their units, as the functions of the source have them.
+    pub states: Vec<String>,
     /// The unit of each state in SI, and what it is counted from: x = origin + unit·z.
     pub units: Vec<(f64, f64)>,
     /// How many sums, products, divisions, calls of functions and choices a prediction and the corrections of a sample take,
@@ -130,8 +133,8 @@ impl Device {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn emit(&self, request: &EmitRequest, language: EmitLanguage) -> Result<EmittedFilter, EmitError> {
-        let mut program = FilterProgram::of(self, request)?;
-        let (digits, apart) = rehearsal::choose(self, request, &mut program);
+        let mut program = FilterProgram::of(self, request, request.digits == EmitDigits::DoubleSums)?;
+        let (digits, apart) = rehearsal::choose(self, request, &mut program)?;
         let mut files = match language {
             EmitLanguage::C => c::files(self, request, &program)?,
             EmitLanguage::Rust => rust::files(self, request, &program)?,
@@ -143,6 +146,7 @@ impl Device {
             files,
             inputs: Interface::points_of(self, &program, &interface.step),
             columns: interface.step.into_iter().chain(interface.measured).collect(),
+            states: state_accesses(self, request, &program).into_iter().map(|state| state.function).collect(),
             units: units.collect(),
             operations: program.operations(request, Routine::counts),
             wide_operations: program.operations(request, Routine::wide_counts),

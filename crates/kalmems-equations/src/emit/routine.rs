@@ -24,9 +24,16 @@ pub(super) struct Widths {
     pub(super) constants: bool,
     /// What a stage is handed and returns.
     pub(super) stage: bool,
+    /// A covariance of 64 bits is summed in 64 bits, and the increment of a step is computed in 32.
+    pub(super) sums: bool,
 }
 
 impl Widths {
+    /// Whether a result goes to this array with all that leads to it in 64 bits.
+    fn leads_to(self, array: StorageArray) -> bool {
+        self.of(array) && !(self.sums && array == StorageArray::Covariance)
+    }
+
     pub(super) fn of(self, array: StorageArray) -> bool {
         match array {
             StorageArray::Mean => self.mean,
@@ -74,7 +81,7 @@ pub(super) struct Routine {
     pub(super) residual: Option<TapeId>,
     /// The gains of a correction.
     pub(super) gains: Vec<TapeId>,
-    /// What the source calls a result that it gives a name, where it has a meaning in the filter's equations.
+    /// The names of results that have a meaning in the filter's equations.
     labels: HashMap<TapeId, String>,
     /// Which arrays have 64 bits, and which operations compute with as many; none where the list is shorter.
     pub(super) widths: Widths,
@@ -103,7 +110,7 @@ pub(super) trait Syntax {
 const LONGEST: usize = 72;
 
 impl Routine {
-    /// The name of a result in the source, if that gives it one. Of two names the first one stays; each name is given once.
+    /// Names a result. The first name stays, and each name is given once.
     pub(super) fn label(&mut self, id: TapeId, name: String) {
         if !self.labels.values().any(|known| *known == name) {
             self.labels.entry(id).or_insert(name);
@@ -120,18 +127,19 @@ impl Routine {
         self.widths = widths;
         let mut open: Vec<TapeId> = Vec::new();
         for (array, _, id) in &self.outputs {
-            if widths.of(*array) {
+            if widths.leads_to(*array) {
                 open.push(*id);
             }
         }
+        let has_wide_gain = widths.leads_to(StorageArray::Covariance);
         if widths.stage {
             open.extend(self.calls.iter().flat_map(|call| call.arguments.iter().copied()));
         }
-        if widths.covariance {
+        if has_wide_gain {
             open.extend(self.variance);
         }
         let mut wide = vec![false; self.tape.len()];
-        let is_gain = |id: &TapeId| !widths.covariance && self.gains.contains(id);
+        let is_gain = |id: &TapeId| !has_wide_gain && self.gains.contains(id);
         while let Some(id) = open.pop() {
             match self.tape.op(id) {
                 TapeOp::Name(_) => continue,
@@ -141,6 +149,11 @@ impl Routine {
             if let Some(slot) = wide.get_mut(id.index()).filter(|slot| !**slot) {
                 *slot = true;
                 open.extend(self.tape.op(id).parts());
+            }
+        }
+        for (array, _, id) in &self.outputs {
+            if let Some(slot) = wide.get_mut(id.index()).filter(|_| widths.of(*array)) {
+                *slot = true;
             }
         }
         for (id, wide) in (0_u32..).map(TapeId).zip(&mut wide) {

@@ -3,6 +3,7 @@
 //! What one stage needs of the states is a function of its own, called four times. What follows from inputs and from parameters that
 //! are states is computed outside of it, once for the start, the middle and the end of the interval.
 
+use super::error::EmitError;
 use super::exponential;
 use super::filter::{Context, OpMatrix};
 use super::lower::{ExternalValues, Operand, lower};
@@ -21,9 +22,14 @@ pub(super) fn predict(
     context: &mut Context<'_>,
     units: &Units,
     periods: &[(usize, f64)],
-) -> (Routine, Option<Routine>) {
+) -> Result<(Routine, Option<Routine>), EmitError> {
     let (size, moving) = (context.model.size, context.model.moving);
     let rates = context.model.rates.clone();
+    let weights = (!context.request.linear.is_empty()).then(|| exponential::weights(context.request, units));
+    let affine = match &weights {
+        Some(weights) => exponential::affine_rates(context, weights)?,
+        None => vec![None; moving],
+    };
     // The rates, and behind each its derivatives by all states.
     let roots: Vec<NodeId> =
         rates.iter().flat_map(|rate| [rate.value].into_iter().chain(context.row(rate))).collect();
@@ -31,7 +37,9 @@ pub(super) fn predict(
     let is_of_stage = |root: &NodeId| {
         rarity.get(root.index()) == Some(&Rarity::Moving) && !is_linear(&context.model.graph, *root)
     };
-    let mut of_stage: Vec<NodeId> = roots.iter().filter(|root| is_of_stage(root)).copied().collect();
+    let rows = roots.chunks(size + 1).zip(&affine).filter(|(_, affine)| affine.is_none());
+    let roots_of_stages = rows.flat_map(|(row, _)| row);
+    let mut of_stage: Vec<NodeId> = roots_of_stages.filter(|root| is_of_stage(root)).copied().collect();
     of_stage.sort_unstable();
     of_stage.dedup();
 
@@ -49,18 +57,16 @@ pub(super) fn predict(
     stage.parameters.extend((0..held.nodes.len()).map(|k| format!("w{k}")));
     stage.outputs = ids.into_iter().enumerate().map(|(k, id)| (StorageArray::Stage, k, id)).collect();
 
-    let stages = StageSource { roots, of_stage, of_states, held, size, moving };
+    let stages = StageSource { roots, of_stage, of_states, held, affine, size, moving };
     let mut routine = Routine::default();
     let names = context.names;
     let x: Vec<_> = (0..moving).map(|i| routine.tape.named(names.state(i))).collect();
-    let (next, jacobian) = if context.request.linear.is_empty() {
-        by_runge_kutta(context, &mut routine, &stages, &x)
-    } else {
-        let weights = exponential::weights(context.request, units);
-        exponential::steps(context, &mut routine, &stages, &x, &weights)
+    let (next, jacobian) = match &weights {
+        None => by_runge_kutta(context, &mut routine, &stages, &x),
+        Some(weights) => exponential::steps(context, &mut routine, &stages, &x, weights),
     };
     context.finish_prediction(&mut routine, (&next, jacobian), units, periods);
-    (routine, (!stages.of_stage.is_empty()).then_some(stage))
+    Ok((routine, (!stages.of_stage.is_empty()).then_some(stage)))
 }
 
 /// What a stage is made of.
@@ -71,6 +77,8 @@ pub(super) struct StageSource {
     of_stage: Vec<NodeId>,
     of_states: Vec<usize>,
     held: ExternalValues,
+    /// For each rate that is A·x + g, with the row A of the linear part and g free of the states: g. None for the other rates.
+    pub(super) affine: Vec<Option<NodeId>>,
     pub(super) size: usize,
     pub(super) moving: usize,
 }
@@ -116,17 +124,6 @@ impl StageSource {
         let a = rows.iter().map(|row| row.iter().skip(1).copied().collect()).collect();
         (k, a)
     }
-
-    /// Whether a rate is a sum of states with numbers, which the linear part of a step describes whole.
-    pub(super) fn is_straight(&self, graph: &Graph, row: usize) -> bool {
-        let moves =
-            |id: NodeId| matches!(graph.as_variable(id), Some(Variable::State(state)) if state < self.moving);
-        self.roots.get(row * (self.size + 1)).is_some_and(|rate| match graph.node(*rate) {
-            Node::Sum { terms, .. } => terms.iter().all(|(term, _)| moves(*term)),
-            Node::Number(_) => true,
-            _ => moves(*rate),
-        })
-    }
 }
 
 /// The step by Runge and Kutta's method.
@@ -163,7 +160,7 @@ fn by_runge_kutta(
         }
         last = Some((k, columns));
     }
-    finished(&mut routine.tape, x, sums)
+    finished(&mut routine.tape, x, sums, context.increments)
 }
 
 /// The derivatives of a stage: K = B + c·A·K of the stage before, where B is A itself and ∂f/∂p behind it.
@@ -185,11 +182,12 @@ fn onwards_along(tape: &mut Tape, a: &OpMatrix, before: Option<&OpMatrix>, step:
     columns
 }
 
-/// x + Σ/6 and 1 + Σ/6.
+/// x + Σ/6, and 1 + Σ/6 or, for increments, Σ/6.
 fn finished(
     tape: &mut Tape,
     x: &[TapeId],
     (rates, columns): (Vec<TapeId>, OpMatrix),
+    increments: bool,
 ) -> (Vec<TapeId>, OpMatrix) {
     let (sixth, one) = (tape.literal(1.0 / 6.0), tape.literal(1.0));
     let mut next = Vec::with_capacity(x.len());
@@ -201,7 +199,7 @@ fn finished(
     for (i, row) in jacobian.iter_mut().enumerate() {
         for (j, entry) in row.iter_mut().enumerate() {
             let step = tape.multiply(sixth, *entry);
-            *entry = if i == j { tape.add(one, step) } else { step };
+            *entry = if i == j && !increments { tape.add(one, step) } else { step };
         }
     }
     (next, jacobian)

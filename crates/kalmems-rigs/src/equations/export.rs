@@ -257,9 +257,10 @@ pub fn export(experiment: &Experiment, request: &ExportRequest) -> Result<Export
             .collect(),
         states: names,
     });
-    let mut exported =
-        Exported::of(experiment, request, (filter.basics.name.clone(), interval_s), files.files);
+    let made = (filter.basics.name.clone(), interval_s);
+    let mut exported = Exported::of(experiment, request, made, files.files);
     (exported.trial, exported.cost) = (trial, Some(cost));
+    (exported.columns, exported.states) = (files.columns, files.states);
     Ok(exported)
 }
 

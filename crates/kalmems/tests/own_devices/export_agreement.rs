@@ -114,6 +114,39 @@ fn a_measurement_sees_the_input_of_its_sample_where_predictions_hold_another() {
     }
 }
 
+/// Two inputs with an interpolation each, both in the measurement, and the slope of one of them as well.
+#[test]
+fn a_source_takes_several_inputs_and_a_slope_as_the_estimate_does() {
+    let all = ["quintic", "cubic", "linear", "sine", "band_limited", "hold", "mean"];
+    for (interpolation, of_bias) in all.iter().zip(all.iter().rev()) {
+        let folder = tempfile::tempdir().unwrap();
+        record(folder.path(), "mean");
+        let place = folder.path().join("rec.csv");
+        let recorded = fs::read_to_string(&place).unwrap();
+        let rows = recorded.lines().enumerate().map(|(k, line)| match k {
+            0 => format!("{line},bias_V\n"),
+            _ => format!("{line},{:e}\n", 0.3 * (std::f64::consts::TAU * 0.0037 * k as f64).cos()),
+        });
+        fs::write(&place, rows.collect::<String>()).unwrap();
+        let text = lag("hold", "gate = false", "1e-6[V^2]")
+            .replace("inputs = { drive = \"V\" }", "inputs = { drive = \"V\", bias = \"V\" }")
+            .replace(
+                "interpolation = \"hold\"",
+                &format!("interpolation = {{ drive = \"{interpolation}\", bias = \"{of_bias}\" }}"),
+            )
+            .replace("(drive - x)/tau", "(drive + 0.5*bias - x)/tau")
+            .replace("drive - x + b in V", "drive - x + b + 0.2*bias + 1[us]*ddt(drive) in V")
+            .replace("drive = \"drive_V\",", "drive = \"drive_V\", bias = \"bias_V\",");
+        let exported = exported(folder.path(), &text, SourceDigits::AsNeeded).unwrap();
+        let step = exported.columns.join(", ");
+        for name in ["u_drive", "u_bias", "y_i"] {
+            assert!(step.contains(name), "{step}");
+        }
+        println!("{interpolation} and {of_bias}: {step}");
+        runs(folder.path(), &exported);
+    }
+}
+
 #[test]
 fn a_filter_of_one_state_tests_itself_against_the_library() {
     let folder = tempfile::tempdir().unwrap();

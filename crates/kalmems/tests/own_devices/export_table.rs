@@ -7,7 +7,7 @@ use kalmems::source::source;
 use std::fmt::Write as _;
 use std::num::NonZeroU32;
 
-const EXAMPLES: [&str; 13] = [
+pub const EXAMPLES: [&str; 13] = [
     "shared_scanner/microcontroller.toml",
     "shared_scanner/experiment.toml",
     "shared_scanner/stiffness_state.toml",

@@ -20,6 +20,24 @@
  * - carrier_amplitude = 6.0 V
  * In a rehearsal with numbers of 32 bits over up to 24000 samples the largest difference from the filter of the library was 8.3e-7 of the largest value of a state.
  */
+/*
+ * The device, with rates f and measurements h, in SI:
+ * - electrostatic_force(slope, square) = 0.5*slope*square
+ * - gaussian_comb(angle, nominal, width, bias) = nominal·exp(−(angle/width)²) + bias
+ * - carrier_square = carrier_amplitude^2/2
+ * - capacitance = gaussian_comb(angle, nominal_capacitance, angular_width, bias_capacitance)
+ * - torque = electrostatic_force(d(capacitance, angle), (drive_gain*drive)^2 + carrier_square)
+ * - acceleration = (torque - damping*rate - stiffness*angle)/inertia
+ * - dangle/dt = rate
+ * - drate/dt = acceleration
+ * - signal = gain*capacitance + offset in V
+ * The filter, with the covariance P of the states x, the noise Q of a step and the noise R of a sample:
+ * - prediction: x = x + (integral of f over the step), F = (derivative of the new x by the old one), P = F P F' + Q
+ * - correction by a measurement y: S = H P H' + R with H = (derivative of h by x), k = P H'/S, x = x + k (y - h),
+ *   P = (1 - k H) P (1 - k H)' + k R k' = B + (k - B H') k' with B = P - k (P H')'
+ * Names: x_ is a mean, p0_1 an entry of P, f0_1 of F, fp0_1 of F P, g0_1 of G = F - 1, gp0_1 of G P, b0_1 of B; h_ an entry of H, ph_ of P H', gain_ of k; variance is S,
+ * innovation y - h, and t0 a part of several of these. Noise and signal are in standard deviations of the noise, so that R = 1.
+ */
 #include "scanner_filter.h"
 
 #include <stdint.h>
@@ -157,15 +175,15 @@ WITHIN void predict(scanner_filter_state_t *state, float u_drive_start)
     const float p1_1 = state->covariance[2];
     const float t0 = FUSED(u_drive_start, u_drive_start, 18.0F) * falling_exp(-(x_angle * x_angle));
     const float t1 = x_angle * t0;
-    const float t2 = FUSED(2.4826086e-8F, (x_angle * t1), FUSED(-1.2413043e-8F, t0, -0.009593913F));
-    const float t3 = FUSED(-1.2413043e-8F, t1, FUSED(-0.009593913F, x_angle, 0.99948263F * x_rate));
-    const float t4 = FUSED(0.99948263F, p1_0, t2 * p0_0);
-    const float t5 = FUSED(0.99948263F, p1_1, t2 * p1_0);
+    const float f1_0 = FUSED(2.4826086e-8F, (x_angle * t1), FUSED(-1.2413043e-8F, t0, -0.009593913F));
+    const float next_rate = FUSED(-1.2413043e-8F, t1, FUSED(-0.009593913F, x_angle, 0.99948263F * x_rate));
+    const float fp1_0 = FUSED(0.99948263F, p1_0, f1_0 * p0_0);
+    const float fp1_1 = FUSED(0.99948263F, p1_1, f1_0 * p1_0);
     state->mean[0] = x_rate + x_angle;
-    state->mean[1] = t3;
+    state->mean[1] = next_rate;
     state->covariance[0] = 8.3141316e-10F + (p0_0 + p1_0) + (p1_0 + p1_1);
-    state->covariance[1] = 1.245363e-9F + t4 + t5;
-    state->covariance[2] = FUSED(0.99948263F, t5, FUSED(t2, t4, 2.4907323e-9F));
+    state->covariance[1] = 1.245363e-9F + fp1_0 + fp1_1;
+    state->covariance[2] = FUSED(0.99948263F, fp1_1, FUSED(f1_0, fp1_0, 2.4907323e-9F));
 }
 
 WITHIN int update_signal(scanner_filter_state_t *state, scanner_filter_watch_t *watch, float y_signal)
@@ -177,25 +195,25 @@ WITHIN int update_signal(scanner_filter_state_t *state, scanner_filter_watch_t *
     const float p1_1 = state->covariance[2];
     const float seen = y_signal;
     const float t0 = falling_exp(-(x_angle * x_angle));
-    const float t1 = 294.55746F * (x_angle * t0);
-    const float t2 = FUSED(72.168785F, seen, FUSED(147.27873F, t0, -208.96861F));
-    const float t3 = t1 * p0_0;
-    const float t4 = t1 * p1_0;
-    const float t5 = FUSED(t1, t3, 1.0F);
-    const float t6 = 1.0F / t5;
-    const float t7 = t3 * t6;
-    const float t8 = t4 * t6;
-    const float t9 = FUSED(-t3, t7, p0_0);
-    const float t10 = FUSED(-t3, t8, p1_0);
-    const float t11 = FUSED(-t1, t10, t8);
-    if (!believed(watch, t2, t5)) {
+    const float h_angle = 294.55746F * (x_angle * t0);
+    const float innovation = FUSED(72.168785F, seen, FUSED(147.27873F, t0, -208.96861F));
+    const float ph_angle = h_angle * p0_0;
+    const float ph_rate = h_angle * p1_0;
+    const float variance = FUSED(h_angle, ph_angle, 1.0F);
+    const float inverse = 1.0F / variance;
+    const float gain_angle = ph_angle * inverse;
+    const float gain_rate = ph_rate * inverse;
+    const float b0_0 = FUSED(-ph_angle, gain_angle, p0_0);
+    const float b1_0 = FUSED(-ph_angle, gain_rate, p1_0);
+    const float t1 = FUSED(-h_angle, b1_0, gain_rate);
+    if (!believed(watch, innovation, variance)) {
         return 0;
     }
-    state->mean[0] = FUSED(t2, t7, x_angle);
-    state->mean[1] = FUSED(t2, t8, x_rate);
-    state->covariance[0] = FUSED(t7, FUSED(-t1, t9, t7), t9);
-    state->covariance[1] = FUSED(t7, t11, t10);
-    state->covariance[2] = FUSED(t8, t11, FUSED(-t4, t8, p1_1));
+    state->mean[0] = FUSED(innovation, gain_angle, x_angle);
+    state->mean[1] = FUSED(innovation, gain_rate, x_rate);
+    state->covariance[0] = FUSED(gain_angle, FUSED(-h_angle, b0_0, gain_angle), b0_0);
+    state->covariance[1] = FUSED(gain_angle, t1, b1_0);
+    state->covariance[2] = FUSED(gain_rate, t1, FUSED(-ph_rate, gain_rate, p1_1));
     return 1;
 }
 

@@ -32,13 +32,13 @@ extern "C" {
  * 0: angle, in units of 0.19999999999999998 in SI (rad)
  * 1: rate, in units of 199999.9999999951 in SI (rad/s)
  */
-#define SCANNER_FILTER_STATES 2
+#define SCANNER_FILTER_STATES 2U
 
 /** The sampling interval in s. */
 #define SCANNER_FILTER_INTERVAL_S 1e-6F
 
 /** How many measurements correct it. */
-#define SCANNER_FILTER_MEASUREMENTS 1
+#define SCANNER_FILTER_MEASUREMENTS 1U
 
 /** A step corrects by one sample in so many. */
 #define SCANNER_FILTER_UPDATE_EVERY 1U

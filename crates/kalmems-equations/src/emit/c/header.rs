@@ -23,9 +23,9 @@ pub(super) fn header(
     let _ = write!(
         text,
         "#ifndef {upper}_H\n#define {upper}_H\n\n{}#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n\
-         /* How many states there are:\n{} */\n#define {upper}_STATES {size}\n\n\
+         /* How many states there are:\n{} */\n#define {upper}_STATES {size}U\n\n\
          /* The sampling interval in s. */\n#define {upper}_INTERVAL_S {}\n\n\
-         /* How many measurements correct it. */\n#define {upper}_MEASUREMENTS {}\n\n\
+         /* How many measurements correct it. */\n#define {upper}_MEASUREMENTS {}U\n\n\
          /* A step corrects by one sample in so many. */\n#define {upper}_UPDATE_EVERY {}U\n\n",
         if program.configure.is_some() { "#include <stdint.h>\n\n" } else { "" },
         interface.states(" * "),

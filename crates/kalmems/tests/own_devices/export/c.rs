@@ -222,3 +222,42 @@ fn the_c_sources_compile_for_a_microcontroller_and_refuse_arithmetic_that_knows_
         }
     }
 }
+
+/// What cppcheck finds in the C sources is in the list of deviations from MISRA C, with its reason.
+#[test]
+fn the_c_sources_keep_to_misra_but_for_the_listed_rules() {
+    let Some(folder) = compiler_and_folder() else { return };
+    let decision = fs::read_to_string(root().join("decisions/misra_deviations.md")).unwrap();
+    let rows = decision.lines().filter(|line| line.starts_with("| ")).skip(1);
+    let listed: Vec<&str> =
+        rows.flat_map(|row| row.split('|').nth(1).unwrap().split(',')).map(str::trim).collect();
+    assert!(listed.contains(&"19.2") && !listed.contains(&"17.2"));
+    for (example_of, filter) in [
+        (THRESHOLD, "Hybrid"),
+        (SCANNER, "EKF"),
+        ("accelerometer/experiment.toml", "Settled gain"),
+        ("piston_mirror/experiment.toml", "Five states"),
+        ("comb_resonator/experiment.toml", "EKF"),
+    ] {
+        let exported = export(&example(example_of), &request(SourceLanguage::C, filter)).unwrap();
+        let name = name_of(&exported);
+        for (file, content) in &exported.files {
+            fs::write(folder.path().join(file), content).unwrap();
+        }
+        let checked = Command::new("cppcheck")
+            .args(["--quiet", "--std=c99", "--addon=misra", "--enable=style", &format!("{name}.c")])
+            .current_dir(folder.path())
+            .output();
+        let Ok(checked) = checked else {
+            println!("SKIPPED: there is no cppcheck");
+            return;
+        };
+        let found = String::from_utf8_lossy(&checked.stderr);
+        assert!(found.contains("misra-c2012-15.5"), "the rules of MISRA were not checked: {found}");
+        for line in found.lines() {
+            if let Some((_, rule)) = line.split_once("[misra-c2012-") {
+                assert!(listed.contains(&rule.trim_end_matches(']')), "{example_of}: {line}");
+            }
+        }
+    }
+}
