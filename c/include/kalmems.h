@@ -33,6 +33,18 @@ typedef enum KalmemsErrorKind {
   KALMEMS_ERROR_KIND_DEFECT = 6,
 } KalmemsErrorKind;
 
+// What a poll has come to.
+typedef enum KalmemsPoll {
+  // It failed; the error says why.
+  KALMEMS_POLL_FAILED = -1,
+  // Nothing is there yet.
+  KALMEMS_POLL_NOTHING = 0,
+  // There is an item.
+  KALMEMS_POLL_ITEM = 1,
+  // The stream has ended, and all was polled.
+  KALMEMS_POLL_END = 2,
+} KalmemsPoll;
+
 // An error, which its reader frees.
 typedef struct KalmemsError KalmemsError;
 
@@ -42,8 +54,14 @@ typedef struct KalmemsEstimate KalmemsEstimate;
 // An experiment with the recordings that were given for it.
 typedef struct KalmemsExperiment KalmemsExperiment;
 
+// What came of such work.
+typedef struct KalmemsFindings KalmemsFindings;
+
 // Columns of one length, to be given to an experiment.
 typedef struct KalmemsRecording KalmemsRecording;
+
+// A stream that is being estimated on a thread of its own. One thread may push samples while another polls estimates.
+typedef struct KalmemsStream KalmemsStream;
 
 // A function of the caller that hears what is done, how much of it and of how much, with what the caller gave for it; `false` stops the work. It is
 // called by the thread that estimates or by one that reads a file, once at a time; it must return, and not call the library with objects of this
@@ -63,6 +81,24 @@ typedef struct KalmemsColumn {
   // How many there are.
   size_t count;
 } KalmemsColumn;
+
+// An estimate or an event of a stream; its texts and numbers are valid until the next poll of it.
+typedef struct KalmemsStreamItem {
+  // `sizeof(KalmemsStreamItem)`, set by the caller: no later version of the library writes more.
+  size_t struct_size;
+  // The filter as a key, such as `ekf`; `event` or `health` of what happened to the stream or the motion.
+  const char *of;
+  // What happened as JSON; null of an estimate.
+  const char *json;
+  // The time of an estimate in s.
+  double time_s;
+  // The names of its numbers with their units, such as `angle_rad` and `angle_sd_rad`.
+  const char *const *names;
+  // Its numbers; what is not known is not a number.
+  const double *numbers;
+  // How many there are.
+  size_t count;
+} KalmemsStreamItem;
 
 #ifdef __cplusplus
 extern "C" {
@@ -180,6 +216,61 @@ bool kalmems_experiment_give_reference(struct KalmemsExperiment *experiment,
 // Frees an experiment; null is nothing.
 void kalmems_experiment_free(struct KalmemsExperiment *experiment);
 
+// Identifies parameters, as `kalmems identify` does; null with an error where that cannot be done. The experiment of the findings has the values.
+struct KalmemsFindings *kalmems_identify(const struct KalmemsExperiment *experiment,
+                                         KalmemsProgress progress,
+                                         void *user,
+                                         struct KalmemsError **error);
+
+// Finds what of an experiment is wrong, as `kalmems diagnose` does: by this filter, or the first one if `filter` is null. The experiment of the
+// findings is the corrected one; null where no single cause is found.
+struct KalmemsFindings *kalmems_diagnose(const struct KalmemsExperiment *experiment,
+                                         const char *filter,
+                                         bool thorough,
+                                         KalmemsProgress progress,
+                                         void *user,
+                                         struct KalmemsError **error);
+
+// Simulates the recording that the table `simulate` describes. The findings have its columns and those of the true motion; their experiment is that of
+// the recording.
+struct KalmemsFindings *kalmems_simulate(const struct KalmemsExperiment *experiment,
+                                         KalmemsProgress progress,
+                                         void *user,
+                                         struct KalmemsError **error);
+
+// The source of a filter for a microcontroller, as `kalmems export` writes it: in C, or in Rust if `in_rust` says so; of the first filter that can be
+// exported if `filter` is null, and for the sampling rate of the recording if `rate_hz` is 0. The findings' JSON has its files by their names.
+struct KalmemsFindings *kalmems_export(const struct KalmemsExperiment *experiment,
+                                       const char *filter,
+                                       bool in_rust,
+                                       double rate_hz,
+                                       struct KalmemsError **error);
+
+// Calibrates a gyroscope as the file at this path describes it, as `kalmems calibrate gyro` does.
+struct KalmemsFindings *kalmems_calibrate(const char *path, KalmemsProgress progress, void *user, struct KalmemsError **error);
+
+// What was found as JSON, with the keys of the file that the command writes. The text is the findings'.
+const char *kalmems_findings_json(const struct KalmemsFindings *findings);
+
+// The same as the command prints it; empty of a simulation and a source. The text is the findings'.
+const char *kalmems_findings_text(const struct KalmemsFindings *findings);
+
+// The experiment in TOML that follows; null where none does. The text is the findings'.
+const char *kalmems_findings_experiment(const struct KalmemsFindings *findings);
+
+// How many columns a simulation has: of its recording, or of the true motion if `of_truth` says so.
+size_t kalmems_findings_column_count(const struct KalmemsFindings *findings, bool of_truth);
+
+// A column of a simulation, put where `column` points; its unit is what its name ends with, and empty here. `false` with an error where there is none.
+bool kalmems_findings_column(const struct KalmemsFindings *findings,
+                             bool of_truth,
+                             size_t index,
+                             struct KalmemsColumn *column,
+                             struct KalmemsError **error);
+
+// Frees findings, and with them all their texts and columns; null is nothing.
+void kalmems_findings_free(struct KalmemsFindings *findings);
+
 // A recording without columns. They are read as those of a file would be: their units are what their names end with (`cap_V`, `time_us`), what
 // is not a number is missing, and nothing is repaired.
 struct KalmemsRecording *kalmems_recording_new(void);
@@ -205,6 +296,42 @@ bool kalmems_recording_segments(struct KalmemsRecording *recording, const char *
 
 // Frees a recording, which an experiment that it was given to does not need any more; null is nothing.
 void kalmems_recording_free(struct KalmemsRecording *recording);
+
+// Begins to estimate samples as the table `stream` of an experiment says; null with an error where that cannot be. With a file as `state` the stream
+// goes on from what an earlier one has left there, and leaves its own; null is none.
+struct KalmemsStream *kalmems_stream_open(const struct KalmemsExperiment *experiment,
+                                          const char *state,
+                                          struct KalmemsError **error);
+
+// Hands bytes over as an instrument sends them, in pieces of any length; waits while 64 pieces wait already. `false` with an error once the stream has
+// ended, the reason of which a poll says.
+bool kalmems_stream_push(const struct KalmemsStream *stream,
+                         const uint8_t *bytes,
+                         size_t count,
+                         struct KalmemsError **error);
+
+// Hands samples over as numbers, row after row with the columns of `stream.input.text` in their order; what is not a number is missing. Every number
+// keeps its last digit.
+bool kalmems_stream_push_rows(const struct KalmemsStream *stream,
+                              const double *numbers,
+                              size_t rows,
+                              size_t columns,
+                              struct KalmemsError **error);
+
+// Says that no more samples come, after which polls give what is left and then the end. Null is nothing.
+void kalmems_stream_close(const struct KalmemsStream *stream);
+
+// The next estimate or event, put where `item` points; waits for it no longer than `timeout_s`.
+enum KalmemsPoll kalmems_stream_poll(const struct KalmemsStream *stream,
+                                     double timeout_s,
+                                     struct KalmemsStreamItem *item,
+                                     struct KalmemsError **error);
+
+// What came of the stream as JSON, with counts and health; null before a poll has come to its end. The text is the stream's.
+const char *kalmems_stream_summary(const struct KalmemsStream *stream);
+
+// Stops a stream where it is and frees it, with what its items refer to; null is nothing. No other thread may use it any more.
+void kalmems_stream_free(struct KalmemsStream *stream);
 
 // Frees a text that a function of this library has returned as the caller's own; null is nothing.
 void kalmems_text_free(char *text);

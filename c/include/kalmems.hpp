@@ -182,6 +182,94 @@ class Estimate {
     std::unique_ptr<KalmemsEstimate, detail::Freed<kalmems_estimate_free>> object;
 };
 
+// What work other than an estimate has found.
+class Findings {
+  public:
+    explicit Findings(KalmemsFindings *object) : object(object) {}
+
+    // As JSON, with the keys of the file that the command writes.
+    std::string json() const { return kalmems_findings_json(object.get()); }
+    // As the command prints it.
+    std::string text() const { return kalmems_findings_text(object.get()); }
+    // The experiment in TOML that follows; empty where none does.
+    std::string experiment() const {
+        const char *text = kalmems_findings_experiment(object.get());
+        return text ? text : "";
+    }
+
+    // The columns of a simulated recording, or of the true motion; valid as long as this.
+    std::vector<Column> columns(bool of_truth = false) const {
+        std::vector<Column> all;
+        for (std::size_t i = 0; i < kalmems_findings_column_count(object.get(), of_truth); i++) {
+            KalmemsColumn column{};
+            column.struct_size = sizeof column;
+            detail::checked(kalmems_findings_column, object.get(), of_truth, i, &column);
+            all.push_back({column.name, column.unit, column.numbers, column.count});
+        }
+        return all;
+    }
+
+  private:
+    std::unique_ptr<KalmemsFindings, detail::Freed<kalmems_findings_free>> object;
+};
+
+// A number of an estimate of a stream, such as `angle_rad`.
+struct StreamNumber {
+    std::string name;
+    double value;
+};
+
+// An estimate of a stream at a time in s, or with `json` something that happened to it.
+struct StreamItem {
+    std::string of, json;
+    double time_s;
+    std::vector<StreamNumber> numbers;
+
+    bool is_estimate() const { return json.empty(); }
+};
+
+// Samples that are estimated while they arrive. One thread may push while another polls.
+class Stream {
+  public:
+    explicit Stream(KalmemsStream *object) : object(object) {}
+
+    // Bytes as an instrument sends them.
+    void push(const std::string &bytes) {
+        detail::checked(kalmems_stream_push, object.get(), reinterpret_cast<const std::uint8_t *>(bytes.data()), bytes.size());
+    }
+
+    // Samples, row after row with so many columns.
+    void push(const std::vector<double> &rows, std::size_t columns) {
+        detail::checked(kalmems_stream_push_rows, object.get(), rows.data(), columns ? rows.size() / columns : 0, columns);
+    }
+
+    // Says that no more samples come.
+    void close() { kalmems_stream_close(object.get()); }
+
+    // Waits for the next estimate or event no longer than this, in s, and puts it into `item` if there is one.
+    KalmemsPoll poll(StreamItem &item, double timeout_s = 0) {
+        KalmemsStreamItem found{};
+        found.struct_size = sizeof found;
+        KalmemsError *error = nullptr;
+        const KalmemsPoll polled = kalmems_stream_poll(object.get(), timeout_s, &found, &error);
+        if (polled == KALMEMS_POLL_FAILED) throw Error(error);
+        if (polled == KALMEMS_POLL_ITEM) {
+            item = {found.of, found.json ? found.json : "", found.time_s, {}};
+            for (std::size_t i = 0; i < found.count; i++) item.numbers.push_back({found.names[i], found.numbers[i]});
+        }
+        return polled;
+    }
+
+    // What came of it as JSON; empty before a poll has come to its end.
+    std::string summary() const {
+        const char *text = kalmems_stream_summary(object.get());
+        return text ? text : "";
+    }
+
+  private:
+    std::unique_ptr<KalmemsStream, detail::Freed<kalmems_stream_free>> object;
+};
+
 // An experiment with the recordings that were given for it.
 class Experiment {
   public:
@@ -207,13 +295,43 @@ class Experiment {
     using Progress = std::function<bool(const char *what, std::uint64_t done, std::uint64_t total)>;
 
     Estimate estimate(Progress progress = nullptr) const {
-        const KalmemsProgress heard = [](const char *what, std::uint64_t done, std::uint64_t total, void *user) {
-            return (*static_cast<Progress *>(user))(what, done, total);
-        };
-        return Estimate(detail::checked(kalmems_estimate, object.get(), progress ? heard : nullptr, static_cast<void *>(&progress)));
+        return Estimate(detail::checked(kalmems_estimate, object.get(), heard(progress), static_cast<void *>(&progress)));
+    }
+
+    // Its parameters from its recordings, as `kalmems identify` finds them.
+    Findings identify(Progress progress = nullptr) const {
+        return Findings(detail::checked(kalmems_identify, object.get(), heard(progress), static_cast<void *>(&progress)));
+    }
+
+    // What of it is wrong, as `kalmems diagnose` finds it; by the first filter if none is named.
+    Findings diagnose(const std::string &filter = "", bool thorough = false, Progress progress = nullptr) const {
+        const char *of = filter.empty() ? nullptr : filter.c_str();
+        return Findings(detail::checked(kalmems_diagnose, object.get(), of, thorough, heard(progress), static_cast<void *>(&progress)));
+    }
+
+    // The recording that it describes.
+    Findings simulate(Progress progress = nullptr) const {
+        return Findings(detail::checked(kalmems_simulate, object.get(), heard(progress), static_cast<void *>(&progress)));
+    }
+
+    // The source of a filter for a microcontroller in C, or in Rust.
+    Findings source(const std::string &filter = "", bool in_rust = false, double rate_hz = 0) const {
+        return Findings(detail::checked(kalmems_export, object.get(), filter.empty() ? nullptr : filter.c_str(), in_rust, rate_hz));
+    }
+
+    // Estimates of samples while they arrive, which goes on from a file of its state and leaves it there if one is named.
+    Stream stream(const std::string &state = "") const {
+        return Stream(detail::checked(kalmems_stream_open, object.get(), state.empty() ? nullptr : state.c_str()));
     }
 
   private:
+    static KalmemsProgress heard(const Progress &progress) {
+        const KalmemsProgress call = [](const char *what, std::uint64_t done, std::uint64_t total, void *user) {
+            return (*static_cast<Progress *>(user))(what, done, total);
+        };
+        return progress ? call : nullptr;
+    }
+
     std::unique_ptr<KalmemsExperiment, detail::Freed<kalmems_experiment_free>> object;
 };
 

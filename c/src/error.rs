@@ -5,7 +5,9 @@ use kalmems::config::ConfigError;
 use kalmems::diagnose::DiagnoseError;
 use kalmems::estimate::EstimateError;
 use kalmems::evaluate::ReferenceError;
+use kalmems::identify::IdentifyError;
 use kalmems::recording::ReadError;
+use kalmems::simulate::SimulateError;
 use kalmems::workflow::WorkflowError;
 use std::ffi::{CString, c_char, c_int};
 use std::ptr::null;
@@ -143,6 +145,29 @@ impl From<DiagnoseError> for Failure {
             DiagnoseError::Read(error) => error.into(),
             DiagnoseError::Interrupted => Self::interrupted(),
             error @ (DiagnoseError::Stops { .. } | DiagnoseError::NoNoise { .. }) => Self::estimation(&error),
+        }
+    }
+}
+
+impl From<IdentifyError> for Failure {
+    fn from(error: IdentifyError) -> Self {
+        match error {
+            IdentifyError::Config(error) => error.into(),
+            IdentifyError::Read(error) => error.into(),
+            IdentifyError::Reference(error) => error.into(),
+            IdentifyError::Interrupted => Self::interrupted(),
+            error => Self::estimation(&error),
+        }
+    }
+}
+
+impl From<SimulateError> for Failure {
+    fn from(error: SimulateError) -> Self {
+        match error {
+            SimulateError::Config(error) => error.into(),
+            SimulateError::Read(error) => error.into(),
+            SimulateError::Interrupted => Self::interrupted(),
+            error => Self::estimation(&error),
         }
     }
 }

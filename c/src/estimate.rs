@@ -56,6 +56,26 @@ pub struct KalmemsColumn {
     pub count: usize,
 }
 
+impl KalmemsColumn {
+    /// The caller's place for a column.
+    ///
+    /// # Safety
+    /// The pointer is null, or to a column of any version with its size.
+    pub unsafe fn place<'a>(column: *mut Self) -> Result<&'a mut Self, Failure> {
+        // SAFETY: the first number of a column of any version is its size.
+        let size = unsafe { column.cast::<usize>().as_ref() };
+        let size = *size.ok_or_else(|| Failure::null("the place for the column"))?;
+        if size < size_of::<Self>() {
+            return Err(Failure::argument(&format!(
+                "`struct_size` of the column is {size}; set it to sizeof(KalmemsColumn), {} or more",
+                size_of::<Self>()
+            )));
+        }
+        // SAFETY: not null, and as large as that.
+        Ok(unsafe { &mut *column })
+    }
+}
+
 const fn grade_word(grade: Option<Grade>) -> &'static str {
     match grade {
         None => "no_claim",
@@ -323,18 +343,9 @@ pub unsafe extern "C" fn kalmems_column(
     error: *mut *mut KalmemsError,
 ) -> bool {
     let found = guarded(|| {
-        // SAFETY: as the crate says of all functions; the first number of a column of any version is its size.
-        let (estimate, size) = unsafe { (estimate.as_ref(), column.cast::<usize>().as_ref()) };
+        // SAFETY: as the crate says of all functions.
+        let (estimate, place) = unsafe { (estimate.as_ref(), KalmemsColumn::place(column)?) };
         let estimate = estimate.ok_or_else(|| Failure::null("the estimate"))?;
-        let size = *size.ok_or_else(|| Failure::null("the place for the column"))?;
-        if size < size_of::<KalmemsColumn>() {
-            return Err(Failure::argument(&format!(
-                "`struct_size` of the column is {size}; set it to sizeof(KalmemsColumn), {} or more",
-                size_of::<KalmemsColumn>()
-            )));
-        }
-        // SAFETY: not null, and as large as that.
-        let place = unsafe { &mut *column };
         let none = || Failure::argument(&format!("trajectory {trajectory} has no column {index}"));
         let named = estimate.trajectories.get(trajectory).ok_or_else(none)?;
         let (name, unit) = named.columns.get(index).zip(named.units.get(index)).ok_or_else(none)?;

@@ -2,13 +2,16 @@
 //!
 //! For every function: a pointer to text is text in UTF-8 that ends with NUL, or is null where the function says so; an object is one that this
 //! library has made and that was not freed; an array has as many elements as its count says. Objects may be used by one thread at a time, and
-//! different ones by several. A function that fails says so by its value, and puts an error to where its last argument points, unless that is null.
+//! different ones by several; a stream by one that pushes and one that polls. A function that fails says so by its value, and puts an error to where its
+//! last argument points, unless that is null.
 //! Null in the place of an object is an error and no crash.
 
 mod error;
 mod estimate;
 mod experiment;
+mod findings;
 mod recording;
+mod stream;
 mod text;
 mod watch;
 

@@ -76,5 +76,21 @@ int main(int argc, char **argv) {
         REQUIRE(error.kind == KALMEMS_ERROR_KIND_EXPERIMENT && error.file == "wrong.toml" && error.line == 2);
         REQUIRE(std::string(error.what()).find("did you mean `description`") != std::string::npos);
     }
+    const std::string folder = std::string(argv[1]).substr(0, std::string(argv[1]).find_last_of('/') + 1);
+    const kalmems::Findings simulated = kalmems::Experiment(folder + "simulation.toml").simulate();
+    REQUIRE(simulated.columns().size() == 3 && simulated.columns(true)[1].name == "angle_rad" && simulated.experiment().size() > 100);
+    REQUIRE(experiment.source().json().find(".h\":") != std::string::npos);
+    kalmems::Stream stream = kalmems::Experiment(folder + "stream.toml").stream();
+    std::ifstream file(argv[2]);
+    std::stringstream all;
+    all << file.rdbuf();
+    stream.push(all.str());
+    stream.close();
+    kalmems::StreamItem item{};
+    std::size_t estimates = 0;
+    for (KalmemsPoll polled; (polled = stream.poll(item, 10)) != KALMEMS_POLL_END;) {
+        if (polled == KALMEMS_POLL_ITEM && item.is_estimate()) estimates += item.numbers[0].name == "angle_rad";
+    }
+    REQUIRE(estimates > 4000 && stream.summary().find("estimated") != std::string::npos);
     std::puts("the wrapper does for C++ what the library does for C");
 }

@@ -42,8 +42,60 @@ expect('kalmems:argument', 'structure array', @() kalmems.estimate(experiment, [
 short = recording;
 short.(names{1}) = short.(names{1})(1:10);
 expect('kalmems:argument', names{1}, @() kalmems.estimate(experiment, short))
+check_work(fileparts(experiment), folder)
 check_build()
 disp('the package does for Octave what the command does')
+end
+
+% Streams, and work other than estimates.
+function check_work(scanner, folder)
+identified = kalmems.identify(fullfile(scanner, 'ring_down.toml'));
+assert(isfield(identified.metrics, 'parameters') && ~isempty(strfind(identified.experiment, 'stiffness')) && ~isempty(identified.text))
+simulated = kalmems.simulate(fullfile(scanner, 'simulation.toml'));
+assert(numel(simulated.recording.time_s) == 60001 && simulated.truth.angle_rad(1) == 1e-4)
+diagnosed = kalmems.diagnose(fullfile(scanner, 'experiment.toml'), 'Filter', 'EKF');
+assert(isfield(diagnosed.metrics, 'causes') && ~isempty(diagnosed.text))
+calibrated = kalmems.calibrate(fullfile(scanner, '..', 'gyroscope', 'calibration.toml'));
+assert(isstruct(calibrated.metrics) && ~isempty(calibrated.text))
+files = kalmems.export(fullfile(scanner, 'experiment.toml'), folder, 'Rate', 1e6);
+assert(numel(files) > 1 && all(cellfun(@(file) exist(file, 'file') == 2, files)))
+header = files{find(cellfun(@(file) strcmp(file(end - 1:end), '.h'), files), 1)};
+assert(~isempty(strfind(fileread(header), '#ifndef')))
+expect('kalmems:argument', 'expected ''c''', @() kalmems.export(fullfile(scanner, 'experiment.toml'), folder, 'Language', 'ada'))
+expect('kalmems:experiment', 'identify', @() kalmems.identify(fullfile(scanner, 'simulation.toml')))
+
+text = fileread(fullfile(scanner, 'recording.csv'));
+of_bytes = kalmems.Stream(fullfile(scanner, 'stream.toml'));
+of_bytes.push(uint8(text(1:floor(end / 2))))
+first = of_bytes.poll(10);
+of_bytes.push(uint8(text(floor(end / 2) + 1:end)))
+items = [first, of_bytes.finish()];
+estimates = items(strcmp({items.of}, 'ekf'));
+assert(numel(estimates) == 2401 && isfield(estimates(end).numbers, 'angle_rad') && abs(estimates(end).time - 0.024) < 1e-9)
+assert(any(strcmp({items.of}, 'event')) && of_bytes.summary.estimated == 24001)
+lines = strsplit(strtrim(text), "\n");
+numbers = sscanf(strjoin(lines(2:end), ','), '%g,', [3, Inf])';
+of_rows = kalmems.Stream(fullfile(scanner, 'stream.toml'));
+expect('kalmems:argument', '2 columns; the stream consists of 3', @() of_rows.push(numbers(1:10, 1:2)))
+of_rows.push(numbers)
+again = of_rows.finish();
+again = again(strcmp({again.of}, 'ekf'));
+assert(numel(again) == numel(estimates) && again(end).numbers.angle_rad == estimates(end).numbers.angle_rad)
+delete(of_rows)
+expect('kalmems:argument', 'was closed', @() of_rows.poll())
+stopped = kalmems.Stream(fullfile(scanner, 'stream.toml'));
+stopped.push(numbers)
+delete(stopped)
+
+trajectory = kalmems.estimate(fullfile(scanner, 'experiment.toml')).trajectories(2);
+set(0, 'DefaultFigureVisible', 'off')
+line_of_plot = kalmems.plot(trajectory, 'rate');
+assert(numel(get(line_of_plot, 'YData')) == numel(trajectory.rate))
+close('all')
+expect('kalmems:argument', 'it has time, angle', @() kalmems.plot(trajectory, 'angel'))
+file = kalmems.write_mat(simulated, fullfile(folder, 'simulated.mat'));
+loaded = load(file);
+assert(isequal(loaded.truth.angle_rad, simulated.truth.angle_rad))
 end
 
 % The folders and options with which kalmems.build runs cargo and mex, recorded by programs that replace them.

@@ -1,6 +1,7 @@
 function [recordings, references, options] = given(varargin)
 % The recordings and references that arguments hand over, as the gateway takes them, and the other options.
-options = struct('Units', struct(), 'Rate', NaN, 'Clock', '', 'Segments', '', 'Reference', [], 'Recording', '', 'Folder', '', 'Force', false);
+options = struct('Units', struct(), 'Rate', NaN, 'Clock', '', 'Segments', '', 'Reference', [], 'Recording', '', ...
+    'Folder', '', 'Force', false, 'Filter', '', 'Thorough', false, 'Language', 'c');
 recordings = [];
 references = [];
 recording = [];
