@@ -20,7 +20,7 @@ pub(super) fn lines(device: &Device, request: &EmitRequest) -> Vec<String> {
             "- prediction: x = x + (integral of f over the step), F = (derivative of the new x by the old one), P = F P F' + Q",
             "- correction by a measurement y: S = H P H' + R with H = (derivative of h by x), k = P H'/S, x = x + k (y - h),",
             "  P = (1 - k H) P (1 - k H)' + k R k' = B + (k - B H') k' with B = P - k (P H')'",
-            "Names: x_ is a mean, p0_1 an entry of P, f0_1 of F, fp0_1 of F P, g0_1 of G = F - 1, gp0_1 of G P, b0_1 of B; h_ an entry of H, ph_ of P H', gain_ of k; variance is S,",
+            "Names: x_ is a mean, p0_1 an entry of P, f0_1 of F, fp0_1 of F P, b0_1 of B; h_ an entry of H, ph_ of P H', gain_ of k; variance is S,",
             "innovation y - h, and t0 a part of several of these. Noise and signal are in standard deviations of the noise, so that R = 1.",
         ],
         EmitGain::Settled(_) => &[

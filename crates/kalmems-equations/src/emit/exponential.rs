@@ -106,9 +106,7 @@ fn affine_step(
         });
         next.push(tape.add(*own, sum));
     }
-    if !context.increments {
-        add_identity(&mut routine.tape, &mut jacobian);
-    }
+    add_identity(&mut routine.tape, &mut jacobian);
     (next, jacobian)
 }
 
@@ -177,9 +175,7 @@ pub(super) fn steps(
     let tape = &mut routine.tape;
     let next = x.iter().zip(&way.moved).map(|(x, moved)| tape.add(*x, *moved)).collect();
     let mut jacobian = way.slopes;
-    if !context.increments {
-        add_identity(tape, &mut jacobian);
-    }
+    add_identity(tape, &mut jacobian);
     (next, jacobian)
 }
 

@@ -40,21 +40,18 @@ pub(super) struct Context<'a> {
     pub(super) model: EmittedModel,
     /// The constants that follow from parameters.
     pub(super) constants: ExternalValues,
-    /// Whether a step adds to the covariance, by the derivatives of what it adds to the states, and by those of the new states otherwise.
-    pub(super) increments: bool,
 }
 
 /// A matrix of operations, row by row.
 pub(super) type OpMatrix = Vec<Vec<TapeId>>;
 
 impl FilterProgram {
-    /// A filter whose steps add to a covariance by increments, for numbers of which the sums alone have 64 bits, or replace it.
-    pub(super) fn of(device: &Device, request: &EmitRequest, increments: bool) -> Result<Self, EmitError> {
+    pub(super) fn of(device: &Device, request: &EmitRequest) -> Result<Self, EmitError> {
         request.check(device)?;
         let names = SourceNames::of(device, request);
         let (units, model) = Units::chosen(device, request)?;
         let constants = ExternalValues::new("c", Rarity::Constant);
-        let mut context = Context { request, names: &names, model, constants, increments };
+        let mut context = Context { request, names: &names, model, constants };
         let periods = device.periods(&request.parameters)?;
         let (predict, stage) = match request.method {
             StepMethod::Euler => (context.euler(&units, &periods)?, None),
@@ -80,10 +77,9 @@ impl FilterProgram {
         let (mean, covariance) = match digits {
             EmitDigits::Single | EmitDigits::AsNeeded => (false, false),
             EmitDigits::DoubleMean => (true, self.start.1.is_empty()),
-            EmitDigits::DoubleSums | EmitDigits::Double => (true, true),
+            EmitDigits::Double => (true, true),
         };
-        let sums = digits == EmitDigits::DoubleSums;
-        self.widths = Widths { mean, covariance, constants: mean, stage: mean, sums };
+        self.widths = Widths { mean, covariance, constants: mean, stage: mean };
         let routines = self.configure.iter_mut().chain(&mut self.stage).chain([&mut self.predict]);
         routines.chain(&mut self.updates).for_each(|routine| routine.widen(self.widths));
         if let Some(configure) = &mut self.configure {
@@ -129,7 +125,7 @@ impl Context<'_> {
         full
     }
 
-    /// x′ = x + f, and F = 1 + ∂f/∂x or, for increments, ∂f/∂x.
+    /// x′ = x + f, F = 1 + ∂f/∂x.
     fn euler(&mut self, units: &Units, periods: &[(usize, f64)]) -> Result<Routine, EmitError> {
         let (size, moving) = (self.model.size, self.model.moving);
         let mut roots = Vec::new();
@@ -137,7 +133,7 @@ impl Context<'_> {
             let state = self.model.graph.variable(Variable::State(i));
             roots.push(self.model.graph.sum(0.0, &[(state, 1.0), (rate.value, 1.0)]));
             for (j, slope) in self.row(rate).into_iter().enumerate() {
-                let own = if i == j && !self.increments { 1.0 } else { 0.0 };
+                let own = if i == j { 1.0 } else { 0.0 };
                 roots.push(self.model.graph.sum(own, &[(slope, 1.0)]));
             }
         }
@@ -151,7 +147,7 @@ impl Context<'_> {
         Ok(routine)
     }
 
-    /// Means with whole periods taken off, and F·P·Fᵀ + Q; for increments, with G = F − 1 instead of F, P + G·P + (G·P)ᵀ + G·P·Gᵀ + Q.
+    /// Means with whole periods taken off, and F·P·Fᵀ + Q.
     pub(super) fn finish_prediction(
         &self,
         routine: &mut Routine,
@@ -174,13 +170,12 @@ impl Context<'_> {
         }
         for (i, row) in jacobian.iter().enumerate() {
             for (j, entry) in row.iter().enumerate() {
-                routine.label(*entry, format!("{}{i}_{j}", if self.increments { "g" } else { "f" }));
+                routine.label(*entry, format!("f{i}_{j}"));
             }
         }
         let tape = &mut routine.tape;
         let (zero, one) = (tape.literal(0.0), tape.literal(1.0));
-        let own = if self.increments { zero } else { one };
-        jacobian.extend((moving..size).map(|i| (0..size).map(|j| if i == j { own } else { zero }).collect()));
+        jacobian.extend((moving..size).map(|i| (0..size).map(|j| if i == j { one } else { zero }).collect()));
         let p = covariance(tape, size);
         // Products F·P, of which a row that is needed once more is there.
         let work = |tape: &Tape, row: &[TapeId]| -> usize {
@@ -191,10 +186,6 @@ impl Context<'_> {
             matrix.get(i).and_then(|row| row.get(j)).copied().unwrap_or(zero)
         };
         let mut products = Vec::new();
-        if self.increments {
-            self.add_to_covariance(routine, units, &jacobian);
-            return;
-        }
         for i in 0..size {
             for j in 0..=i {
                 // Σ (F·P)ₖ·F, with the rows' roles as fewer operations need them.
@@ -218,44 +209,6 @@ impl Context<'_> {
             }
         }
         products.into_iter().for_each(|(product, name)| routine.label(product, name));
-    }
-
-    /// Outputs P + G·P + (G·P)ᵀ + G·P·Gᵀ + Q.
-    fn add_to_covariance(&self, routine: &mut Routine, units: &Units, increments: &OpMatrix) {
-        let size = self.model.size;
-        let tape = &mut routine.tape;
-        let (zero, p) = (tape.literal(0.0), covariance(tape, size));
-        let at = |matrix: &OpMatrix, i: usize, j: usize| {
-            matrix.get(i).and_then(|row| row.get(j)).copied().unwrap_or(zero)
-        };
-        let dot = |tape: &mut Tape, first: TapeId, pairs: &mut dyn Iterator<Item = (TapeId, TapeId)>| {
-            pairs.fold(first, |sum, (a, b)| {
-                let term = tape.multiply(a, b);
-                tape.add(sum, term)
-            })
-        };
-        let mut gp = OpMatrix::new();
-        for i in 0..size {
-            let row = (0..size).map(|j| {
-                let mut pairs = (0..size).map(|k| (at(increments, i, k), at(&p, k, j)));
-                dot(tape, zero, &mut pairs)
-            });
-            gp.push(row.collect());
-        }
-        for i in 0..size {
-            for j in 0..=i {
-                let noise = tape.literal(self.noise(units, i, j));
-                let own = tape.add(noise, at(&gp, i, j));
-                let first = tape.add(own, at(&gp, j, i));
-                let mut pairs = (0..size).map(|k| (at(&gp, i, k), at(increments, j, k)));
-                let added = dot(tape, first, &mut pairs);
-                let sum = tape.add(at(&p, i, j), added);
-                routine.outputs.push((StorageArray::Covariance, i * (i + 1) / 2 + j, sum));
-            }
-        }
-        for (i, row) in gp.iter().enumerate() {
-            row.iter().enumerate().for_each(|(j, entry)| routine.label(*entry, format!("gp{i}_{j}")));
-        }
     }
 
     /// Qᵢⱼ in the filter's units; what is too small for 32 bits is nothing beside any covariance.
@@ -298,7 +251,7 @@ impl Context<'_> {
             routine.variance = settled.map(|settled| tape.literal(settled.variance / variance));
         } else {
             let names: Vec<&str> = (0..size).map(|i| self.names.plain_state(i)).collect();
-            joseph(&mut routine, *residual, (h, &x), &names, self.increments);
+            joseph(&mut routine, *residual, (h, &x), &names);
         }
         routine.label(*residual, "innovation".to_owned());
         routine.residual = Some(*residual).filter(|_| !is_event);
@@ -343,15 +296,8 @@ fn wrapped(tape: &mut Tape, value: TapeId, period: f64) -> TapeId {
 /// k = P·hᵀ/S with S = h·P·hᵀ + 1, x + k·residual, and (1 − k·h)·P·(1 − k·h)ᵀ + k·kᵀ.
 ///
 /// With B = P − k·(P·hᵀ)ᵀ the last is B + (k − B·hᵀ)·kᵀ. The bracket is zero but for rounding, and takes away what
-/// rounding left in B: a correction that is far better than the prediction leaves a variance with all its digits. For increments what is
-/// added to P is one number.
-fn joseph(
-    routine: &mut Routine,
-    residual: TapeId,
-    (h, x): (&[TapeId], &[TapeId]),
-    names: &[&str],
-    increments: bool,
-) {
+/// rounding left in B: a correction that is far better than the prediction leaves a variance with all its digits.
+fn joseph(routine: &mut Routine, residual: TapeId, (h, x): (&[TapeId], &[TapeId]), names: &[&str]) {
     let tape = &mut routine.tape;
     let size = x.len();
     let (zero, one) = (tape.literal(0.0), tape.literal(1.0));
@@ -390,16 +336,7 @@ fn joseph(
         });
         for (j, (entry, kj)) in row.iter().zip(&k).enumerate().take(i + 1) {
             let term = tape.multiply(minus, *kj);
-            let sum = match g.get(j).filter(|_| increments) {
-                Some(gj) => {
-                    let lost = tape.multiply(*ki, *gj);
-                    let added = tape.subtract(term, lost);
-                    let p = tape.named(SourceNames::covariance(i, j));
-                    tape.add(p, added)
-                }
-                None => tape.add(*entry, term),
-            };
-            routine.outputs.push((StorageArray::Covariance, i * (i + 1) / 2 + j, sum));
+            routine.outputs.push((StorageArray::Covariance, i * (i + 1) / 2 + j, tape.add(*entry, term)));
         }
     }
     routine.variance = Some(variance);

@@ -69,9 +69,6 @@ impl Interface {
                 Widths { covariance: false, .. } => {
                     "The means and what is expected of measurements are computed in 64 bits, covariance and gain in 32."
                 }
-                Widths { sums: true, .. } => {
-                    "Means and covariance have 64 bits; what a step adds to the covariance, and the gain, are computed in 32."
-                }
                 _ => "Means and covariance have 64 bits.",
             }
             .to_owned(),

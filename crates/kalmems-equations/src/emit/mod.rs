@@ -133,8 +133,8 @@ impl Device {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn emit(&self, request: &EmitRequest, language: EmitLanguage) -> Result<EmittedFilter, EmitError> {
-        let mut program = FilterProgram::of(self, request, request.digits == EmitDigits::DoubleSums)?;
-        let (digits, apart) = rehearsal::choose(self, request, &mut program)?;
+        let mut program = FilterProgram::of(self, request)?;
+        let (digits, apart) = rehearsal::choose(self, request, &mut program);
         let mut files = match language {
             EmitLanguage::C => c::files(self, request, &program)?,
             EmitLanguage::Rust => rust::files(self, request, &program)?,

@@ -2,7 +2,6 @@
 
 mod steps;
 
-use super::error::EmitError;
 use super::filter::FilterProgram;
 use super::interface::{Interface, POINTS};
 use super::request::{EmitDigits, EmitRequest, InputCourse, TestSample};
@@ -30,8 +29,7 @@ const OF_CLAIM: f64 = 0.015;
 const BEGINNING: usize = 3000;
 
 /// The digits in the order of what they cost.
-const LADDER: [EmitDigits; 4] =
-    [EmitDigits::Single, EmitDigits::DoubleMean, EmitDigits::DoubleSums, EmitDigits::Double];
+const LADDER: [EmitDigits; 3] = [EmitDigits::Single, EmitDigits::DoubleMean, EmitDigits::Double];
 
 /// The largest difference from what is expected, relative to the largest value of each state; and that by the claimed standard deviation, with the
 /// place of the state, where one is claimed.
@@ -42,11 +40,11 @@ pub(super) fn choose(
     device: &Device,
     request: &EmitRequest,
     program: &mut FilterProgram,
-) -> Result<(EmitDigits, Option<(usize, f64)>), EmitError> {
+) -> (EmitDigits, Option<(usize, f64)>) {
     let samples = &request.rehearsal;
     if samples.is_empty() {
         program.widen(request.digits);
-        return Ok((request.digits, None));
+        return (request.digits, None);
     }
     let tried: &[EmitDigits] = match &request.digits {
         EmitDigits::AsNeeded => &LADDER,
@@ -54,15 +52,6 @@ pub(super) fn choose(
     };
     let mut chosen = (EmitDigits::Single, None);
     for digits in tried {
-        let is_by_sums = |digits: EmitDigits| digits == EmitDigits::DoubleSums;
-        if is_by_sums(*digits) && program.start.1.is_empty() {
-            continue;
-        }
-        if is_by_sums(*digits) != is_by_sums(chosen.0) {
-            let rehearsed = std::mem::take(&mut program.rehearsed);
-            *program =
-                FilterProgram { rehearsed, ..FilterProgram::of(device, request, is_by_sums(*digits))? };
-        }
         program.widen(*digits);
         let rehearsal = Rehearsal::of(device, request, program);
         let is_enough = |(found, of_claim): &RehearsedDifference| match of_claim {
@@ -81,7 +70,7 @@ pub(super) fn choose(
             break;
         }
     }
-    Ok(chosen)
+    chosen
 }
 
 /// A number of 32 bits.

@@ -138,8 +138,6 @@ pub enum EmitDigits {
     Single,
     /// The means, the rates and what is expected of a measurement have 64 bits; covariance and gain have 32.
     DoubleMean,
-    /// As [`DoubleMean`](Self::DoubleMean), and the covariance has 64 bits; what a step adds to it is computed in 32.
-    DoubleSums,
     /// Means, covariance and all that leads to them have 64 bits.
     Double,
     /// The first of the others with which the filter, rehearsed, comes within 10⁻⁵ of the states that are expected, relative to the largest value of

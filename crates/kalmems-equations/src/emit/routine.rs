@@ -24,16 +24,9 @@ pub(super) struct Widths {
     pub(super) constants: bool,
     /// What a stage is handed and returns.
     pub(super) stage: bool,
-    /// A covariance of 64 bits is summed in 64 bits, and the increment of a step is computed in 32.
-    pub(super) sums: bool,
 }
 
 impl Widths {
-    /// Whether a result goes to this array with all that leads to it in 64 bits.
-    fn leads_to(self, array: StorageArray) -> bool {
-        self.of(array) && !(self.sums && array == StorageArray::Covariance)
-    }
-
     pub(super) fn of(self, array: StorageArray) -> bool {
         match array {
             StorageArray::Mean => self.mean,
@@ -127,19 +120,18 @@ impl Routine {
         self.widths = widths;
         let mut open: Vec<TapeId> = Vec::new();
         for (array, _, id) in &self.outputs {
-            if widths.leads_to(*array) {
+            if widths.of(*array) {
                 open.push(*id);
             }
         }
-        let has_wide_gain = widths.leads_to(StorageArray::Covariance);
         if widths.stage {
             open.extend(self.calls.iter().flat_map(|call| call.arguments.iter().copied()));
         }
-        if has_wide_gain {
+        if widths.covariance {
             open.extend(self.variance);
         }
         let mut wide = vec![false; self.tape.len()];
-        let is_gain = |id: &TapeId| !has_wide_gain && self.gains.contains(id);
+        let is_gain = |id: &TapeId| !widths.covariance && self.gains.contains(id);
         while let Some(id) = open.pop() {
             match self.tape.op(id) {
                 TapeOp::Name(_) => continue,
@@ -149,11 +141,6 @@ impl Routine {
             if let Some(slot) = wide.get_mut(id.index()).filter(|slot| !**slot) {
                 *slot = true;
                 open.extend(self.tape.op(id).parts());
-            }
-        }
-        for (array, _, id) in &self.outputs {
-            if let Some(slot) = wide.get_mut(id.index()).filter(|_| widths.of(*array)) {
-                *slot = true;
             }
         }
         for (id, wide) in (0_u32..).map(TapeId).zip(&mut wide) {

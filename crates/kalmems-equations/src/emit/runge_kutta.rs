@@ -160,7 +160,7 @@ fn by_runge_kutta(
         }
         last = Some((k, columns));
     }
-    finished(&mut routine.tape, x, sums, context.increments)
+    finished(&mut routine.tape, x, sums)
 }
 
 /// The derivatives of a stage: K = B + c·A·K of the stage before, where B is A itself and ∂f/∂p behind it.
@@ -182,12 +182,11 @@ fn onwards_along(tape: &mut Tape, a: &OpMatrix, before: Option<&OpMatrix>, step:
     columns
 }
 
-/// x + Σ/6, and 1 + Σ/6 or, for increments, Σ/6.
+/// x + Σ/6 and 1 + Σ/6.
 fn finished(
     tape: &mut Tape,
     x: &[TapeId],
     (rates, columns): (Vec<TapeId>, OpMatrix),
-    increments: bool,
 ) -> (Vec<TapeId>, OpMatrix) {
     let (sixth, one) = (tape.literal(1.0 / 6.0), tape.literal(1.0));
     let mut next = Vec::with_capacity(x.len());
@@ -199,7 +198,7 @@ fn finished(
     for (i, row) in jacobian.iter_mut().enumerate() {
         for (j, entry) in row.iter_mut().enumerate() {
             let step = tape.multiply(sixth, *entry);
-            *entry = if i == j && !increments { tape.add(one, step) } else { step };
+            *entry = if i == j { tape.add(one, step) } else { step };
         }
     }
     (next, jacobian)

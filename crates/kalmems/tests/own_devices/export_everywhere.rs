@@ -1,11 +1,9 @@
-//! Every filter of the examples that is exported, compiled: over the whole recording, through faults of its signal, and through a storm of any numbers.
+//! Every filter of the examples that is exported, compiled: over the whole recording, and through a storm of any numbers.
 
 use super::export::{compiled, example, request};
 use super::export_table::EXAMPLES;
 use kalmems::config::Experiment;
 use kalmems::export::{ExportRequest, Exported, SourceLanguage, SourceTrial};
-use kalmems::progress::Silent;
-use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
 use kalmems::source::source;
 use std::fmt::Write as _;
@@ -18,9 +16,8 @@ const APART: f64 = 0.02;
 /// How far a number of 32 bits, in which a source says its states, may be from one of 64, relative to it.
 const ROUNDING: f64 = 1e-7;
 
-/// The statuses of a header.
+/// The status of a filter that follows its signal; that of a start is below, and all others are above.
 const FOLLOWING: f64 = 1.0;
-const LEFT_OUT: f64 = 2.0;
 
 /// A filter that is exported, with what it is to be run over.
 struct Subject {
@@ -122,18 +119,16 @@ fn long_every_exported_filter_is_the_estimate_over_its_whole_recording_in_c_and_
     }
 }
 
-/// A program that says of each sample the states, and of each measurement the status and the samples since one was taken; `first` stands behind the start.
+/// A program that says of each sample the states, and of each measurement the status; `first` stands behind the start.
 fn program(subject: &Subject, first: &str, folder: &Path, flags: &[&str]) -> Option<PathBuf> {
     let (name, columns) = (subject.name(), subject.exported.columns.len());
     let given: Vec<String> = (0..columns).map(|k| format!(", given[{k}]")).collect();
     let read: Vec<String> = (0..columns).map(|k| format!("scanf(\"%f\", &given[{k}]) == 1")).collect();
     let states: Vec<String> =
         (0..subject.trial.states.len()).map(|k| format!("(double){name}_value(&filter, {k}U)")).collect();
-    let of_measurements = ["status", "since"].map(|what| {
-        let of = |k: usize| format!("(double){name}_{what}(&filter, {k}U)");
-        (0..subject.measurements()).map(of).collect::<Vec<String>>()
-    });
-    let said = [states, of_measurements.concat()].concat();
+    let statuses: Vec<String> =
+        (0..subject.measurements()).map(|k| format!("(double){name}_status(&filter, {k}U)")).collect();
+    let said = [states, statuses].concat();
     let main = format!(
         "#include \"{name}.h\"\n#include <stdio.h>\nint main(void)\n{{\n    {name}_t filter;\n    float given[{columns}];\n    \
          {name}_start(&filter);\n{first}    while ({}) {{\n        (void){name}_step(&filter{});\n        printf(\"{}\\n\", {});\n    }}\n    \
@@ -148,135 +143,6 @@ fn program(subject: &Subject, first: &str, folder: &Path, flags: &[&str]) -> Opt
     files.push(("main.c".to_owned(), main));
     compiled(&files, folder, flags)?;
     Some(folder.join("program"))
-}
-
-/// What a filter estimates of a recording of its experiment in which the last column has a fault; none where the device is pulled in by it.
-fn estimated(subject: &Subject, fault: &Fault) -> Option<Vec<Vec<f64>>> {
-    let experiment = &subject.experiment;
-    let folder = tempfile::tempdir().unwrap();
-    let here = experiment.resolve("".as_ref());
-    for file in fs::read_dir(here).unwrap().map(Result::unwrap) {
-        if file.path().is_file() {
-            fs::copy(file.path(), folder.path().join(file.file_name())).unwrap();
-        }
-    }
-    let rig = published().rig(experiment).unwrap();
-    let place = folder.path().join(&experiment.recording(0).unwrap().file);
-    let text = fs::read_to_string(&place).unwrap();
-    let rows = text.lines().enumerate().map(|(line, text)| match fault.of_row(line.wrapping_sub(1)) {
-        Some(value) => format!("{},{value:e}\n", text.rsplit_once(',').unwrap().0),
-        None => format!("{text}\n"),
-    });
-    fs::write(&place, rows.collect::<String>()).unwrap();
-    let moved = published().parse(experiment.text(), &folder.path().join("experiment.toml")).unwrap();
-    let recording = SampledRecording::read(&place, &rig.layout(&moved, 0).unwrap()).unwrap();
-    let estimates = rig.estimate(&moved, 0, &recording, &Silent).ok()?;
-    let mut states: Vec<Vec<f64>> = Vec::new();
-    for estimate in &estimates {
-        let of_filter = |name: &str| name == subject.exported.filter;
-        let trajectory = estimate.trajectories.iter().find(|t| of_filter(&t.name)).unwrap();
-        states.extend(
-            (0..trajectory.states[0].mean.len())
-                .map(|k| trajectory.states.iter().map(|s| s.mean[k]).collect()),
-        );
-    }
-    Some(states)
-}
-
-/// Samples from a row on that have this value in the place of the measured one.
-struct Fault {
-    what: &'static str,
-    rows: std::ops::Range<usize>,
-    value: f64,
-}
-
-impl Fault {
-    fn of_row(&self, row: usize) -> Option<f64> {
-        self.rows.contains(&row).then_some(self.value)
-    }
-}
-
-/// What is claimed of states, and which of these are looked at, each with its period.
-struct Claims<'a> {
-    sd: &'a [Vec<f64>],
-    states: Vec<(usize, Option<f64>)>,
-}
-
-impl Claims<'_> {
-    /// Samples behind the end of a fault from which on no state is farther than its claimed standard deviation from the same without the fault.
-    fn recovered(&self, clean: &[Vec<f64>], faulty: &[Vec<f64>], end: usize) -> usize {
-        let is_apart = |k: &usize| {
-            self.states.iter().any(|(i, period)| {
-                let difference = clean[*k][*i] - faulty[*k][*i];
-                let difference = period.map_or(difference, |p| difference - p * (difference / p).round());
-                difference.abs() > self.sd[*k][*i]
-            })
-        };
-        (end..clean.len()).rev().find(is_apart).map_or(0, |last| last + 1 - end)
-    }
-}
-
-/// Samples by which a recovery may take longer than twice that of the estimate.
-const LONGER: usize = 64;
-
-#[test]
-#[ignore = "a minute"]
-fn long_every_exported_filter_says_a_fault_and_recovers_as_the_estimate_does() {
-    for subject in subjects(SourceLanguage::C) {
-        let folder = tempfile::tempdir().unwrap();
-        let Some(program) = program(&subject, "", folder.path(), &[]) else { return };
-        let given = &subject.trial.given;
-        let count = given.len();
-        let largest = given.iter().fold(0.0_f64, |largest, row| largest.max(row.last().unwrap().abs()));
-        let begin = count / 2;
-        let rail = (500e-6 / subject.exported.interval_s).round() as usize;
-        let clean = run(&program, given);
-        let none = Fault { what: "", rows: 0..0, value: 0.0 };
-        let clean_estimate = estimated(&subject, &none).unwrap();
-        let (expected, sd): (Vec<_>, Vec<_>) = subject.trial.expected.iter().cloned().unzip();
-        // The source begins behind a first row that it does not predict, or where the recording tells its start.
-        let is_first = |row: &usize| (clean_estimate[*row][0] - expected[0][0]).abs() <= 1e-6 * sd[0][0];
-        let before = (0..clean_estimate.len()).find(is_first).unwrap();
-        // A parameter that is a state has another unit in the estimate.
-        let is_same = |i: &usize| {
-            sd[begin][*i] > 0.0
-                && (clean_estimate[before + begin][*i] - expected[begin][*i]).abs() < 0.1 * sd[begin][*i]
-        };
-        let states = subject.trial.periods.iter().copied().enumerate().filter(|(i, _)| is_same(i)).collect();
-        let claims = Claims { sd: &sd, states };
-        assert!(!claims.states.is_empty());
-        let source = &subject.exported.files.iter().find(|(name, _)| name.ends_with(".c")).unwrap().1;
-        let rejects = !source.contains("const int taken = 1;");
-        for (what, samples, value) in [
-            ("a rail for 500 us", rail.clamp(1, count / 20), 10.0 * largest),
-            ("an outlier", 1, 3.0 * largest),
-            ("a glitch", 1, 1e4 * largest),
-            ("missing samples", (count / 12).min(2000), f64::NAN),
-        ] {
-            let fault = Fault { what, rows: begin + before..begin + before + samples, value };
-            let (mut rows, end) = (given.clone(), begin + samples);
-            rows[begin..end].iter_mut().for_each(|row| *row.last_mut().unwrap() = value);
-            let said = run(&program, &rows);
-            let [of_status, of_since] =
-                [1, 2].map(|times| said[0].len() - (3 - times) * subject.measurements());
-            let flagged = (begin..end).position(|k| said[k][of_since + subject.measurements() - 1] > 0.0);
-            let last = of_status + subject.measurements() - 1;
-            assert!(flagged != Some(0) || clean[begin][last] != FOLLOWING || said[begin][last] == LEFT_OUT);
-            let here = claims.recovered(&clean, &said, end);
-            let there = estimated(&subject, &fault)
-                .map(|theirs| claims.recovered(&clean_estimate[before..], &theirs[before..], end));
-            let of = format!(
-                "{}, {}: {} of {samples}",
-                subject.experiment.name, subject.exported.filter, fault.what
-            );
-            println!(
-                "{of}: said after {flagged:?} samples, recovered after {here}, the estimate after {there:?}, of {}",
-                count - end
-            );
-            assert!(!rejects && !value.is_nan() || flagged == Some(0), "{of}: {flagged:?}");
-            assert!(!rejects || here <= 2 * there.unwrap_or(0) + LONGER, "{of}: {here} and {there:?}");
-        }
-    }
 }
 
 /// Numbers of any bits in functions in any order, `@steps@` times; the filter's states stay finite and its statuses are those of the header.
