@@ -785,18 +785,17 @@ fn written_terms<'a>(
     fit: &'a NoiseFit,
     times_s: &'a [f64],
 ) -> impl Iterator<Item = (f64, String)> + 'a {
-    /// How the deviation of each goes with the averaging time.
-    const COURSES: [(&str, fn(f64) -> f64); 3] =
-        [("N", |time_s| time_s.sqrt().recip()), ("B", |_| 1.0), ("K", f64::sqrt)];
+    /// The power of the averaging time with which the deviation of each goes.
+    const POWERS: [(&str, f64); 3] = [("N", -0.5), ("B", 0.0), ("K", 0.5)];
     let terms = rest.noise_terms();
-    COURSES.into_iter().zip(terms).filter_map(move |((symbol, course), term)| {
+    POWERS.into_iter().zip(terms).filter_map(move |((symbol, power), term)| {
         let (factor, unit) = term.shown;
         let text = match (term.value, term.interval) {
             (Some(value), _) => format!("{symbol} = {} {unit}", three_digits(factor * value)),
             (None, Some([_, high])) => format!("{symbol} < {} {unit}", three_digits(factor * high)),
             (None, None) => return None,
         };
-        let share = |time_s: f64| course(time_s) / fit.deviation(time_s);
+        let share = |time_s: f64| time_s.portable_powf(power) / fit.deviation(time_s);
         let times = times_s.iter().copied();
         Some((times.max_by(|a, b| share(*a).total_cmp(&share(*b)))?, text))
     })

@@ -326,7 +326,10 @@ fn named_error(name: &str, e: &io::Error) -> io::Error {
 /// The summary for people.
 fn text(summary: &StreamSummary) -> String {
     let order = &summary.received.order;
-    let mut text: String = summary.answer.iter().map(|answer| format!("{answer}\n")).collect();
+    let mut text = String::new();
+    for answer in &summary.answer {
+        text += &format!("{answer}\n");
+    }
     text += &format!("{} samples estimated, {} events\n", summary.estimated, summary.events);
     if summary.interrupted {
         text += "stopped\n";

@@ -77,9 +77,8 @@ fn affine_step(
     };
     let of_middle = |i: usize, k: usize| 2.0 * weights.bend_of_middles.0[i][k];
     let of_end = |i: usize, k: usize| weights.bend_of_end.0[i][k];
-    let points: [(&str, &dyn Fn(usize, usize) -> f64); 3] =
-        [("start", &of_start), ("middle", &of_middle), ("last", &of_end)];
-    let at_points = points.map(|(point, of)| (context.lower(&mut routine.tape, rests, point), of));
+    let weights_of: [&dyn Fn(usize, usize) -> f64; 3] = [&of_start, &of_middle, &of_end];
+    let rests_at = ["start", "middle", "last"].map(|point| context.lower(&mut routine.tape, rests, point));
     let moving = context.model.moving;
     let (mut next, mut jacobian) = (Vec::with_capacity(moving), OpMatrix::new());
     for (i, own) in x.iter().enumerate() {
@@ -91,7 +90,7 @@ fn affine_step(
         }
         let tape = &mut routine.tape;
         jacobian.push(added.iter().map(|(_, along)| tape.literal(*along)).collect());
-        for (rests, of) in &at_points {
+        for (rests, of) in rests_at.iter().zip(weights_of) {
             for (k, rest) in rests.iter().enumerate() {
                 match added.iter_mut().find(|(known, _)| known == rest) {
                     Some((_, sum)) => *sum += of(i, k),

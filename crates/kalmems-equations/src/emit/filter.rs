@@ -208,7 +208,9 @@ impl Context<'_> {
                 routine.outputs.push((StorageArray::Covariance, i * (i + 1) / 2 + j, sum));
             }
         }
-        products.into_iter().for_each(|(product, name)| routine.label(product, name));
+        for (product, name) in products {
+            routine.label(product, name);
+        }
     }
 
     /// Qᵢⱼ in the filter's units; what is too small for 32 bits is nothing beside any covariance.

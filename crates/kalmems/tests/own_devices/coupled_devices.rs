@@ -143,7 +143,8 @@ pub(super) fn chain() -> Device<12, 1> {
         }
         let own = i - 5;
         let neighbours = [own - 1, own + 1].into_iter().filter(|one| (1..=6).contains(one));
-        let coupling: String = neighbours.map(|one| format!(" - coupling*(x{own} - x{one})")).collect();
+        let coupling: Vec<String> = neighbours.map(|one| format!(" - coupling*(x{own} - x{one})")).collect();
+        let coupling = coupling.concat();
         let drive = if own == 1 { "force*drive" } else { "0[N]" };
         format!("{} = \"({drive} - b*v{own} - anchor*x{own}{coupling})/m\"", names[i])
     };

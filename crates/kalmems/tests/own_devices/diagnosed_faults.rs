@@ -194,7 +194,9 @@ fn faulty(subject: &Subject, faults: &[(&Fault, f64)], seed: u64) -> Recorded {
         |text: &str| faults.iter().fold(text.to_owned(), |text, (fault, size)| fault.in_text(&text, *size));
     let files = |folder: &Path| {
         thin(subject, folder);
-        faults.iter().for_each(|(fault, size)| fault.in_files(folder, *size, seed));
+        for (fault, size) in faults {
+            fault.in_files(folder, *size, seed);
+        }
     };
     (subject.recorded)(seed, &Alterations { text: &text, files: &files })
 }
@@ -397,9 +399,11 @@ fn slow_two_faults_of_texts_are_named() {
     assert!(100 * named >= 75 * of, "{named} of {of}");
 }
 
-/// A mistake that is made in writing a text: the device, what is right in its text, what is written, and what a diagnosis has to name. Kinds were
-/// chosen first, then what they do to each device, before any was diagnosed.
-const MISTAKES: [(&str, &str, &str, &str); 60] = [
+/// A mistake that is made in writing a text: the device, what is right in its text, what is written, and what a diagnosis has to name.
+type Mistake = (&'static str, &'static str, &'static str, &'static str);
+
+/// Kinds were chosen first, then what they do to each device, before any was diagnosed.
+const MISTAKES: [Mistake; 60] = [
     // A prefix, a power of ten.
     ("comb resonator", "0.2 V/um", "0.2 V/mm", "parameters.sensitivity"),
     ("tuning fork", "4.7 pF", "4.7 nF", "parameters.feedback"),
@@ -486,7 +490,7 @@ fn exchange(folder: &Path) {
 #[test]
 #[ignore = "slow: five minutes on two processors in a release build"]
 fn slow_mistakes_in_writing_a_text_are_named() {
-    let places: Vec<(usize, &(&str, &str, &str, &str))> = MISTAKES.iter().enumerate().collect();
+    let places: Vec<(usize, &Mistake)> = MISTAKES.iter().enumerate().collect();
     let found = side_by_side(&places, |(place, (device, right, wrong, name))| {
         let subject = subject(device);
         let text = |text: &str| {

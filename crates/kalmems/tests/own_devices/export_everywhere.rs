@@ -51,7 +51,9 @@ fn subjects(target: SourceLanguage) -> Vec<Subject> {
 fn lines(rows: &[Vec<f64>]) -> String {
     let mut text = String::new();
     for row in rows {
-        row.iter().for_each(|number| write!(text, "{number:e} ").unwrap());
+        for number in row {
+            write!(text, "{number:e} ").unwrap();
+        }
         text.push('\n');
     }
     text
@@ -178,8 +180,11 @@ const STORM: &str = r"    {
 /// The storm for a filter: a case for each function of its header that is handed numbers.
 fn storm(subject: &Subject, steps: usize) -> String {
     let name = subject.name();
-    let header = &subject.exported.files.iter().find(|(file, _)| file.ends_with(".h")).unwrap().1;
-    let numbers = |count: usize| (0..count).map(|k| format!(", any[{k}].value")).collect::<String>();
+    let is_header = |file: &str| Path::new(file).extension().is_some_and(|ending| ending == "h");
+    let header = &subject.exported.files.iter().find(|(file, _)| is_header(file)).unwrap().1;
+    let numbers = |count: usize| -> String {
+        (0..count).map(|k| format!(", any[{k}].value")).collect::<Vec<String>>().concat()
+    };
     let mut cases = String::new();
     let mut calls = 0;
     for line in header.lines().filter(|line| line.starts_with("int ") && line.contains("_t *filter, float "))

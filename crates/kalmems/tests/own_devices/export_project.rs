@@ -18,8 +18,9 @@ fn project(target: SourceLanguage, samples: usize, folder: &Path) -> Exported {
     for (name, text) in &exported.files {
         let place = folder.join(name);
         fs::create_dir_all(place.parent().unwrap()).unwrap();
-        fs::write(place, text).unwrap();
-        assert!(!text.contains('@') || name.ends_with(".h"), "{name}: {text}");
+        fs::write(&place, text).unwrap();
+        let is_header = place.extension().is_some_and(|ending| ending == "h");
+        assert!(!text.contains('@') || is_header, "{name}: {text}");
     }
     exported
 }

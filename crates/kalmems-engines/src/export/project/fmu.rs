@@ -50,8 +50,8 @@ pub(super) fn add(files: &mut Vec<(String, String)>, texts: &ProjectTexts) {
 fn inputs_of(columns: &[String]) -> (Vec<String>, String) {
     let (mut inputs, mut given): (Vec<String>, String) = (Vec::new(), String::new());
     for column in columns {
-        let point = POINTS.iter().filter(|_| column.starts_with("u_"));
-        let found = point.filter_map(|(end, value)| Some((column.strip_suffix(end)?, *value))).next();
+        let mut points = POINTS.iter().filter(|_| column.starts_with("u_"));
+        let found = points.find_map(|(end, value)| Some((column.strip_suffix(end)?, *value)));
         let (name, value) = found.unwrap_or((column, "unit->now[@]"));
         let place = inputs.iter().position(|known| known == name).unwrap_or(inputs.len());
         if place == inputs.len() {

@@ -172,6 +172,9 @@ impl ComparedSegment {
     }
 }
 
+/// The time of a row in s, and each state with its standard deviation.
+type TrajectoryRow<'a> = (f64, &'a [[f64; 2]]);
+
 /// The rows of a trajectory, one after the other.
 struct TrajectoryRows {
     rows: csv::Reader<BufReader<File>>,
@@ -207,7 +210,7 @@ impl TrajectoryRows {
     }
 
     /// The time of the next row, and each state with its standard deviation; not a number if there is none.
-    fn next(&mut self) -> Result<Option<(f64, &[[f64; 2]])>, String> {
+    fn next(&mut self) -> Result<Option<TrajectoryRow<'_>>, String> {
         if !self.rows.read_record(&mut self.row).map_err(|e| e.to_string())? {
             return Ok(None);
         }

@@ -48,8 +48,8 @@ impl<'a> AnsweredOutlook<'a> {
 
     /// In words.
     pub fn to_text(&self) -> String {
-        let answer: String = self.answer.iter().map(|sentence| format!("{sentence}\n")).collect();
-        let space = if answer.is_empty() { "" } else { "\n" };
+        let answer = self.answer.join("\n");
+        let space = if answer.is_empty() { "" } else { "\n\n" };
         format!("{answer}{space}{}", self.outlook.to_text())
     }
 }
