@@ -145,6 +145,14 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Etdrk4<D, T, N> {
     }
 }
 
+impl<T: Scalar, D, const N: usize> Etdrk4<D, T, N> {
+    /// e^{A·s}: how a small deviation gets over the interval, which is the derivative of the step where it was linearised.
+    pub fn transition(&self) -> Mat<T, N, N> {
+        let moved = self.weights.to_end.times(&self.weights.linear);
+        matrix!(|i, j| T::of(if i == j { 1.0 } else { 0.0 }) + moved.0[i][j])
+    }
+}
+
 impl<T: Scalar, D: Dynamics<T, N>, const N: usize> Process<T, N> for Etdrk4<D, T, N> {
     type Input = Nodes<D::Input>;
 

@@ -1,7 +1,7 @@
 //! The step of all devices under an input that is held.
 
 use super::{Dynamics, Etdrk4, Nodes, Process, ProcessNoise};
-use crate::{NoiseDensity, Over, Scalar};
+use crate::{Mat, NoiseDensity, Over, Scalar};
 
 /// The step of [`Etdrk4`] under an input that is held over the interval, as that of a loop which is closed from sample to sample.
 ///
@@ -26,6 +26,13 @@ impl<T: Scalar, D: Dynamics<T, N>, const N: usize> HeldEtdrk4<D, T, N> {
     /// Steps of `interval` seconds, linearised `at` a state and an input.
     pub fn new(dynamics: D, interval: T, density: &NoiseDensity<T, N>, at: (&[T; N], &D::Input)) -> Self {
         Self(Etdrk4::new(dynamics, interval, density, at))
+    }
+}
+
+impl<T: Scalar, D, const N: usize> HeldEtdrk4<D, T, N> {
+    /// e^{A·s}, see [`Etdrk4::transition`].
+    pub fn transition(&self) -> Mat<T, N, N> {
+        self.0.transition()
     }
 }
 

@@ -175,8 +175,30 @@ fn an_exponential_step_is_exact_for_a_stiff_linear_system() {
         for j in 0..2 {
             // Of states in mm and m/s, about of one size.
             let size = [1e-3, 1.0][i] / [1e-3, 1.0][j];
-            assert!((f[(i, j)] - exact.transition[(i, j)]).abs() < 1e-12 * size, "{i} {j}");
+            for found in [f, step.transition()] {
+                assert!((found[(i, j)] - exact.transition[(i, j)]).abs() < 1e-12 * size, "{i} {j}");
+            }
             assert_eq!(step.noise().covariance().get(i, j), exact.noise.get(i, j));
         }
     }
+}
+
+/// Of a hardening spring, away from rest: there the slopes of the step are the exponential of those of the rates, and elsewhere they are not.
+#[test]
+fn the_transition_of_an_exponential_step_is_its_derivative_where_it_was_linearised() {
+    struct Hardening;
+    impl<T: Scalar> Dynamics<T, 2> for Hardening {
+        type Input = T;
+        fn derivative<S: Over<T>>(&self, x: &[S; 2], u: &T) -> [S; 2] {
+            [x[1], S::lift(*u) - x[0] - x[0] * x[0] * x[0] - x[1] * T::of(0.1)]
+        }
+    }
+    let (at, u) = ([0.7, 0.0], 0.7 + 0.7 * 0.7 * 0.7);
+    let step = HeldEtdrk4::new(Hardening, 0.3, &NoiseDensity::none(), (&at, &u));
+    let apart = |x: &[f64; 2]| {
+        let (found, expected) = (step.transition(), step.linearize(x, &u).1);
+        (0..4).map(|k| (found[(k / 2, k % 2)] - expected[(k / 2, k % 2)]).abs()).fold(0.0, f64::max)
+    };
+    assert!(apart(&at) < 1e-14, "{}", apart(&at));
+    assert!(apart(&[0.0, 0.0]) > 0.01);
 }
