@@ -32,6 +32,11 @@ class _Told:
     text: str = field(repr=False)
     """The figures as text."""
 
+    @property
+    def answer(self) -> list[str]:
+        """The result in sentences, as the command prints them first."""
+        return list(self.metrics["answer"])
+
     def __repr__(self) -> str:
         return self.text
 

@@ -256,8 +256,9 @@ fn answer(
         let QuantityUnit { factor, shown, .. } = one.shown;
         format!("{}: {}", one.name.replace('_', " "), one.value.in_words(factor, shown))
     });
+    let QuantityUnit { factor, shown, .. } = QuantityUnit::rate();
     let rests =
-        bias.iter().map(|one| format!("bias at rest {}: {}", one.axis, one.bias.in_words(1e3, "mrad/s")));
+        bias.iter().map(|one| format!("bias at rest {}: {}", one.axis, one.bias.in_words(factor, shown)));
     let mut all: Vec<String> = scales.chain(others).chain(rests).collect();
     if let Some(more) = all.len().checked_sub(ANSWERED).filter(|more| *more > 0) {
         all.truncate(ANSWERED);

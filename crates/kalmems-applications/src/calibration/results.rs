@@ -160,6 +160,7 @@ fn together(found: &[ReferenceComparison], changed: &[ScaleFactorChange]) -> imp
 
 /// A line for each condition and reference.
 pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
+    let QuantityUnit { factor, shown, .. } = QuantityUnit::rate();
     let columns = [
         ColumnHead::text("condition"),
         ColumnHead::text("reference"),
@@ -170,8 +171,8 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
         ColumnHead::number("to the first reference", "ppm"),
         ColumnHead::number("crest to trough", ""),
         ColumnHead::number("with intercept", ""),
-        ColumnHead::number("bias", "rad/s"),
-        ColumnHead::number("±", "rad/s"),
+        ColumnHead::number("bias", shown),
+        ColumnHead::number("±", shown),
     ];
     let mut table = TextTable::new("Scale factors, gyroscope by reference", columns).with_expendable(&[
         "with intercept",
@@ -200,7 +201,10 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
         let first = first.map_or(value, |first| first.scale_factor.value);
         let peaks = result.peak_to_peak;
         let or_dash = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |v| format!("{v:.6}"));
-        let bias = result.bias[result.main];
+        let bias = result.bias[result.main].map(|bias| {
+            with_uncertainty(factor * bias.value, 0.5 * factor * (bias.interval[1] - bias.interval[0]))
+        });
+        let [bias, expanded_bias] = bias.unwrap_or_else(|| ["–", "–"].map(str::to_owned));
         table.push([
             result.condition.clone(),
             result.reference.clone(),
@@ -215,8 +219,8 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
             format!("{:+.1}", 1e6 * (value / first - 1.0)),
             or_dash(peaks.map(|p| p.through_origin)),
             or_dash(peaks.and_then(|p| p.slope)),
-            bias.map_or_else(|| "–".to_owned(), |b| format!("{:.5}", b.value)),
-            bias.map_or_else(|| "–".to_owned(), |b| format!("{:.5}", 0.5 * (b.interval[1] - b.interval[0]))),
+            bias,
+            expanded_bias,
         ]);
     }
     table

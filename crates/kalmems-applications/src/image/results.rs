@@ -59,6 +59,8 @@ impl DevelopedImage {
 pub struct ImageMetrics {
     /// Its name.
     pub name: String,
+    /// The result in sentences: how much of the image there is, and where it was put.
+    pub answer: Vec<String>,
     /// What became of the samples.
     pub samples: ScanSampleCounts,
     /// Pixels with at least one sample.
@@ -161,9 +163,11 @@ impl ImageMetrics {
             interpolation_error_px: axis.interpolation_error_px,
             gaps: axis.gaps,
         });
+        let axes: Vec<ImageAxisMetrics> = axes.collect();
         let beyond = developed.picture.values().iter().filter(|v| !v.is_nan() && !(0.0..=1.0).contains(*v));
         Ok(Self {
             name: outcome.image.name.to_string(),
+            answer: answer(&axes, all.coverage()),
             samples: outcome.counts,
             filled_pixels: all.filled(),
             empty_pixels: all.counts().len() - all.filled(),
@@ -173,7 +177,7 @@ impl ImageMetrics {
             white: developed.white,
             beyond_grey: beyond.count(),
             within_pixel_rms: finite((all.scatter() / freedom).sqrt() / span),
-            axes: axes.collect(),
+            axes,
             reference,
             findings: (outcome.findings.iter().map(|(file, finding)| format!("{file}: {finding}")))
                 .chain(outcome.axes.iter().filter_map(unsettled))
@@ -185,27 +189,16 @@ impl ImageMetrics {
     pub fn to_text(&self) -> String {
         let ScanSampleCounts { samples, used, outside_field, in_gap, beyond_trajectory, without_intensity } =
             self.samples;
-        let mut text = String::new();
+        let mut text = self.answer.join("\n") + "\n\n";
         for axis in &self.axes {
             text += &format!(
-                "{}: {} pixels, {}, amplitude {:.4} deg in a field of ±{:.4} deg, phase {:.4} deg",
+                "{}: {}, amplitude {:.4} deg in a field of ±{:.4} deg; interpolation within {:.4} pixels",
                 axis.name,
-                axis.pixels,
                 quantity(axis.frequency_hz, "Hz"),
                 axis.amplitude_deg,
                 axis.half_field_deg,
-                axis.phase_deg
+                axis.interpolation_error_px
             );
-            if let Some(sd) = axis.phase_sd_deg {
-                text += &format!(" ± {sd:.4} (found)");
-            }
-            text += &format!(
-                "; one pixel is {:.3} deg, interpolation within {:.4} pixels",
-                axis.one_pixel_deg, axis.interpolation_error_px
-            );
-            if let Some(sd) = axis.place_sd_px {
-                text += &format!("; the place of a sample is known to {sd:.3} pixels");
-            }
             if let Some(rms) = axis.passes_differ_rms {
                 text += &format!("; forward and backward differ by {rms:.4} rms");
             }
@@ -214,10 +207,8 @@ impl ImageMetrics {
         text += &format!(
             "{used} of {samples} samples used; outside of the field {outside_field}, in gaps of a trajectory {in_gap}, \
              before or after it {beyond_trajectory}, without intensity {without_intensity}\n\
-             coverage {:.2} %: {} pixels have samples, {} are empty",
-            100.0 * self.coverage,
-            self.filled_pixels,
-            self.empty_pixels
+             {} pixels have samples, {} are empty",
+            self.filled_pixels, self.empty_pixels
         );
         if self.filled_for_the_eye > 0 {
             text += &format!("; {} of them filled in picture.png", self.filled_for_the_eye);
@@ -240,6 +231,24 @@ impl ImageMetrics {
         }
         text
     }
+}
+
+/// What an image is, and how far the places of its samples can be trusted.
+fn answer(axes: &[ImageAxisMetrics], coverage: f64) -> Vec<String> {
+    let sizes: Vec<String> = axes.iter().map(|axis| axis.pixels.to_string()).collect();
+    let whole = format!("{} pixels, of which {:.2} % have samples.", sizes.join(" × "), 100.0 * coverage);
+    let of_axis = |axis: &ImageAxisMetrics| {
+        let mut text = format!("{}: phase {:.4} deg", axis.name, axis.phase_deg);
+        if let Some(sd) = axis.phase_sd_deg {
+            text += &format!(" ± {sd:.4} deg, found by the search");
+        }
+        text += &format!("; {:.3} deg move a sample by one pixel", axis.one_pixel_deg);
+        if let Some(sd) = axis.place_sd_px {
+            text += &format!("; the place of a sample is known to {sd:.3} pixels");
+        }
+        text + "."
+    };
+    std::iter::once(whole).chain(axes.iter().map(of_axis)).collect()
 }
 
 /// The relative change of an amplitude over a scan from which on a motion is said not to have settled.

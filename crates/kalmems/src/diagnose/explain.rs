@@ -57,8 +57,10 @@ pub(super) struct Explanations {
     pub(super) needed: f64,
     /// What was not tried, so that the work does not become more than it may be.
     pub(super) left_out: Vec<String>,
-    /// Of work that was interrupted what had been found, the likeliest first.
-    pub(super) ranking: Option<Vec<FittedCause>>,
+    /// All that was fitted, the likeliest first.
+    pub(super) ranking: Vec<FittedCause>,
+    /// Whether the work was interrupted, so that no more than that is known.
+    pub(super) is_interrupted: bool,
 }
 
 /// The probability that any of the causes that were tried gains as much without being one. The likelihood ratio of blocks that were
@@ -133,14 +135,12 @@ impl CauseHunt<'_> {
 
     /// What came of it, by so many tries.
     fn judged(&mut self, causes: Vec<FittedCause>, tries: usize) -> Explanations {
-        let mut found = Explanations::of(&self.search, causes, tries);
-        if self.is_interrupted() {
-            self.found.sort_by(|a, b| b.held_out.total_cmp(&a.held_out));
-            found =
-                Explanations { ranking: Some(self.found.clone()), tried: tries, ..Explanations::default() };
-        }
-        found.left_out.clone_from(&self.left_out);
-        found
+        let found = Explanations::of(&self.search, causes, tries);
+        self.with_all(if self.is_interrupted() {
+            Explanations { is_interrupted: true, tried: tries, ..Explanations::default() }
+        } else {
+            found
+        })
     }
 
     /// The same of all that was found, where there is more than there was `before`, or else what came of that.
@@ -150,21 +150,42 @@ impl CauseHunt<'_> {
             if more || self.is_interrupted() { self.judged(self.found.clone(), tries) } else { last.clone() };
         // What explained it by itself does so beside what was found later and does not.
         let found = if again.is_end() { again } else { Explanations { tried: tries, ..last.clone() } };
-        Explanations { left_out: self.left_out.clone(), ..found }
+        self.with_all(found)
+    }
+
+    /// The same with all that was fitted and left out so far.
+    fn with_all(&self, found: Explanations) -> Explanations {
+        let ranking = likeliest_first(self.found.clone());
+        Explanations { left_out: self.left_out.clone(), ranking, ..found }
     }
 }
 
+/// Each cause once, the likeliest first: a pair is found from either of its numbers.
+fn likeliest_first(mut found: Vec<FittedCause>) -> Vec<FittedCause> {
+    found.sort_by(|a, b| b.held_out.total_cmp(&a.held_out));
+    let mut seen: Vec<Vec<usize>> = Vec::new();
+    found.retain(|found| {
+        let Cause::Numbers(numbers) = &found.cause else { return true };
+        let mut places: Vec<usize> = numbers.iter().map(|(place, _)| *place).collect();
+        places.sort_unstable();
+        let is_new = !seen.contains(&places);
+        if is_new {
+            seen.push(places);
+        }
+        is_new
+    });
+    found
+}
+
 impl Explanations {
-    /// What is left of it where the work is interrupted before it was tested: what was found, the likeliest first.
+    /// What is left of it where the work is interrupted before it was tested: what was fitted.
     pub(super) fn interrupted(self) -> Self {
-        let found = |cause: ExaminedCause| FittedCause { cause: cause.cause, held_out: cause.gain };
-        let ranking = self.ranking.unwrap_or_else(|| self.causes.into_iter().map(found).collect());
-        Self { ranking: Some(ranking), tried: self.tried, ..Self::default() }
+        Self { ranking: self.ranking, is_interrupted: true, tried: self.tried, ..Self::default() }
     }
 
     /// Whether no more is to be tried: the work was interrupted, or a cause explains the recording.
     fn is_end(&self) -> bool {
-        self.ranking.is_some() || !self.causes.is_empty()
+        self.is_interrupted || !self.causes.is_empty()
     }
 
     pub(super) fn by(
@@ -206,7 +227,7 @@ impl Explanations {
         let alone = hunt.judged(hunt.found.clone(), tries);
         // Under a steady drive a line and a wrong number look the same.
         let is_number = |found: &ExaminedCause| matches!(found.cause, Cause::Numbers(_));
-        if alone.ranking.is_some() || alone.causes.iter().any(is_number) {
+        if alone.is_interrupted || alone.causes.iter().any(is_number) {
             return alone;
         }
         Self::further(&mut hunt, &slopes, &alone)
@@ -256,20 +277,8 @@ impl Explanations {
     }
 
     /// Judges what was tried: the likeliest, and those as likely, are the causes if one of them leaves nothing that the tests find.
-    fn of(search: &CauseSearch, mut tried: Vec<FittedCause>, tries: usize) -> Self {
-        tried.sort_by(|a, b| b.held_out.total_cmp(&a.held_out));
-        // A pair is found from either of its numbers.
-        let mut seen: Vec<Vec<usize>> = Vec::new();
-        tried.retain(|tried| {
-            let Cause::Numbers(numbers) = &tried.cause else { return true };
-            let mut places: Vec<usize> = numbers.iter().map(|(place, _)| *place).collect();
-            places.sort_unstable();
-            let is_new = !seen.contains(&places);
-            if is_new {
-                seen.push(places);
-            }
-            is_new
-        });
+    fn of(search: &CauseSearch, tried: Vec<FittedCause>, tries: usize) -> Self {
+        let tried = likeliest_first(tried);
         let needed = (tries as f64 / BY_CHANCE).portable_ln();
         let best = tried.first().map_or(0.0, |tried| tried.held_out);
         let worth = tried.iter().take_while(|tried| tried.held_out > needed).enumerate();

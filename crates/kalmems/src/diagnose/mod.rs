@@ -62,7 +62,7 @@ pub use likeliest::{identify, likeliest};
 pub(crate) use noise::leaves_noise_open;
 pub use noise::{FoundNoise, load_with_noise, noise_of_recording, with_noise};
 pub use paste::pasted;
-pub use report::{CauseReport, Diagnosis, DiagnosisFinding, Edit};
+pub use report::{CauseGain, CauseReport, Diagnosis, DiagnosisFinding, Edit};
 pub use step_cost::step_cost;
 pub use unseen::unseen;
 

@@ -50,6 +50,8 @@ pub struct Diagnosis {
     pub proposal: Option<Proposal>,
     /// Where nothing explains it: what explains most. Of a diagnosis that was interrupted what makes the recording likelier so far.
     pub closest: Vec<CauseReport>,
+    /// How much each cause gains that was fitted, the likeliest first.
+    pub gains: Vec<CauseGain>,
     /// The innovations over the cycle of the motion with the experiment as it is, and with the lines of the first cause; both or none.
     #[serde(skip)]
     pub cycles: Vec<CycleEvidence>,
@@ -61,6 +63,15 @@ pub struct Diagnosis {
     /// What no test of the innovations can see, by the equations of the device.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub unseen: Vec<String>,
+}
+
+/// How much likelier a recording is with a cause.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CauseGain {
+    /// What is wrong, in a few words.
+    pub name: String,
+    /// By how much the blocks that were not fitted are likelier, ln p.
+    pub gain: f64,
 }
 
 /// What a diagnosis comes to.
@@ -138,7 +149,7 @@ impl Diagnosis {
         let finding = match &explained {
             None if steps.is_some() => DiagnosisFinding::Steps,
             None => DiagnosisFinding::NothingToChange,
-            Some(found) if found.ranking.is_some() => DiagnosisFinding::Interrupted,
+            Some(found) if found.is_interrupted => DiagnosisFinding::Interrupted,
             Some(found) if found.causes.is_empty() => DiagnosisFinding::NoneOfThese,
             Some(_) => DiagnosisFinding::Explained,
         };
@@ -160,9 +171,19 @@ impl Diagnosis {
             causes: explained.map_or_else(Vec::new, |found| compared(reports(&found.causes))),
             answers_differ: explained.and_then(|found| answers_differ(&found.causes)),
             proposal,
-            closest: explained.map_or_else(Vec::new, |found| match &found.ranking {
-                Some(ranking) => ranking.iter().map(|found| ranked(found, suspects)).collect(),
-                None => reports(&found.closest),
+            closest: explained.map_or_else(Vec::new, |found| {
+                if found.is_interrupted {
+                    found.ranking.iter().map(|found| ranked(found, suspects)).collect()
+                } else {
+                    reports(&found.closest)
+                }
+            }),
+            gains: explained.map_or_else(Vec::new, |found| {
+                let gain = |found: &FittedCause| CauseGain {
+                    name: name(&found.cause, suspects),
+                    gain: found.held_out,
+                };
+                found.ranking.iter().map(gain).collect()
             }),
             cycles: Vec::new(),
             left_out: explained.map_or_else(Vec::new, |found| found.left_out.clone()),
@@ -514,6 +535,7 @@ mod tests {
             answers_differ,
             proposal: None,
             closest: Vec::new(),
+            gains: Vec::new(),
             cycles: Vec::new(),
             left_out: Vec::new(),
             notes: Vec::new(),

@@ -2,7 +2,7 @@
 
 use super::summary::{shown, significant_value};
 use crate::diagnose::{
-    AnswerChange, CauseReport, Diagnosis, DiagnosisFinding, Edit, FoundNoise, Proposal, ScaleNote,
+    AnswerChange, CauseGain, CauseReport, Diagnosis, DiagnosisFinding, Edit, FoundNoise, Proposal, ScaleNote,
 };
 use crate::evaluate::CycleEvidence;
 use crate::inspect::quantity;
@@ -308,10 +308,18 @@ fn over_the_cycle(found: &Diagnosis) -> Option<Figure> {
     Some(Figure::new("cycle", "Innovations over the cycle, before and after", caption).with(panel))
 }
 
-/// How much likelier the recording is with each cause.
-fn gains(causes: &[CauseReport], needed: f64) -> Figure {
-    let caption = "The gain in log-likelihood of the blocks that were not fitted, for each cause, and the gain that a cause needs so that it is \
-                   no fluctuation. Causes of equal gain are not distinguished by the recording.";
+/// Bars that are drawn at most.
+const BARS: usize = 16;
+
+/// How much likelier the recording is with each cause that was fitted.
+fn gains(all: &[CauseGain], needed: f64) -> Figure {
+    let causes = all.get(..BARS).unwrap_or(all);
+    let mut caption = "The gain in log-likelihood of the blocks that were not fitted, for each cause that was fitted, and the gain that a cause \
+                       needs so that it is no fluctuation. Causes of equal gain are not distinguished by the recording."
+        .to_owned();
+    if all.len() > causes.len() {
+        caption += &format!(" {} further causes gain less than these.", all.len() - causes.len());
+    }
     let limit = [(needed, 0.5), (needed, 0.5 - causes.len() as f64)];
     let largest = causes.iter().map(|cause| cause.gain).fold(needed, f64::max);
     let gain = Axis::new("gain", "ln p").between(0.0, 1.05 * largest);
@@ -410,7 +418,7 @@ fn page(found: &Diagnosis) -> Page {
     let table = table_of_causes(causes);
     let mut answer = PageSection::new(title);
     if !table.rows.is_empty() {
-        answer = answer.figure(gains(causes, found.needed)).table(table);
+        answer = answer.figure(gains(&found.gains, found.needed)).table(table);
     }
     answer = over_the_cycle(found).into_iter().fold(answer, PageSection::figure);
     answer = found.left_out().into_iter().fold(answer, PageSection::paragraph);

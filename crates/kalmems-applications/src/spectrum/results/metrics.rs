@@ -16,6 +16,8 @@ const PER_CM: f64 = 100.0;
 pub struct SpectrumMetrics {
     /// Its name.
     pub name: String,
+    /// The result in sentences: each line that was asked for, or how fine the spectrum is.
+    pub answer: Vec<String>,
     /// Scans that were added.
     pub scans: usize,
     /// Those in which the path grew.
@@ -146,8 +148,10 @@ impl SpectrumMetrics {
             let known = asked.known.as_ref().map(Quantity::si);
             LineMetrics::of(asked.wavenumber.si(), known, found.as_ref(), ideal.as_ref(), (noise, budget))
         });
+        let lines: Vec<LineMetrics> = lines.collect();
         Self {
             name: outcome.file.name.to_string(),
+            answer: answer(&lines, resolution_per_cm(outcome), outcome.noise.last()),
             scans: scans.spectra.len(),
             forward_scans: scans.forward.iter().filter(|forward| **forward).count(),
             samples: processed.counts,
@@ -165,7 +169,7 @@ impl SpectrumMetrics {
             limit_per_cm: processed.limit_per_m / PER_CM,
             band_beyond_limit: last > processed.limit_per_m * (1.0 + 1e-9),
             noise: outcome.noise.clone(),
-            lines: lines.collect(),
+            lines,
             recalibration: outcome.recalibration,
             correction: outcome.correction.as_ref().map(|correction| CorrectionMetrics {
                 key: correction.key,
@@ -183,6 +187,16 @@ impl SpectrumMetrics {
             findings: outcome.findings.iter().map(|(file, finding)| format!("{file}: {finding}")).collect(),
         }
     }
+}
+
+/// Each line, or without any what can be told apart in the spectrum and above which noise.
+fn answer(lines: &[LineMetrics], resolution_per_cm: f64, noise: Option<&CoaddedNoise>) -> Vec<String> {
+    if !lines.is_empty() {
+        return lines.iter().map(LineMetrics::headline).collect();
+    }
+    let noise = noise
+        .map_or_else(String::new, |of| format!("; noise of the mean of {} scans {:.3e}", of.scans, of.noise));
+    vec![format!("lines are {resolution_per_cm:.3} 1/cm wide{noise}")]
 }
 
 /// The width of a line at half its height in 1/cm.
@@ -230,9 +244,10 @@ impl LineMetrics {
         }
     }
 
-    fn to_text(&self) -> String {
+    /// Where it is, how high, and how far that can be trusted.
+    fn headline(&self) -> String {
         let Some(found) = self.found_per_cm else {
-            return format!("line near {} 1/cm: there is none\n", self.asked_per_cm);
+            return format!("line near {} 1/cm: there is none", self.asked_per_cm);
         };
         let mut text = format!("line {found:.4}");
         if self.total_sd_per_cm > 0.0 {
@@ -254,7 +269,14 @@ impl LineMetrics {
         if let (Some(shift), Some(height)) = (self.shift_per_cm, self.relative_height) {
             text += &format!("; {shift:+.4} 1/cm and {height:.5} of the height along the true positions");
         }
-        text += "\n";
+        text
+    }
+
+    fn to_text(&self) -> String {
+        let mut text = self.headline() + "\n";
+        if self.found_per_cm.is_none() {
+            return text;
+        }
         for entry in &self.budget {
             text += &format!("  {:<28}", entry.of);
             if entry.shift_per_cm != 0.0 {
@@ -276,6 +298,9 @@ impl SpectrumMetrics {
     /// For a reader.
     pub fn to_text(&self) -> String {
         let mut text: String = self.lines.iter().map(LineMetrics::to_text).collect();
+        if self.lines.is_empty() {
+            text += &(self.answer.join("\n") + "\n");
+        }
         text += &format!("{} scans, {} of them forward", self.scans, self.forward_scans);
         if let Some(counts) = &self.samples {
             text += &format!(
