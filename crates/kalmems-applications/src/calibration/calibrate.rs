@@ -6,7 +6,7 @@ use super::cross_check::Trials;
 use super::error::CalibrationError;
 use super::files::{InputFiles, ReferenceQuantity, ReferenceRecord, UnitRecord};
 use super::inputs::{CommonInputs, FittedNumber, PROBABILITY, RecordNoise};
-use super::matrix::{CalibrationMatrix, LeaveOneOut, RatePair};
+use super::matrix::{CalibrationMatrix, LeaveOneOut, MOST_LEFT, RatePair};
 use super::one_factor::{self, Contradiction};
 use super::outcome::{
     CalibratedGyroscope, Calibration, Centred, InPlane, RecordFigures, ScaleFactorAtFrequency,
@@ -14,7 +14,7 @@ use super::outcome::{
 };
 use super::peaks::{HALF_WINDOW, PeakToPeak};
 use super::positions_record;
-use super::quantities::RecordOutcome;
+use super::quantities::{CertificateCheck, QuantityUnit, RecordOutcome};
 use super::rates_record;
 use super::rest::{AxisAtRest, InertialSensor};
 use super::rest_record::{self, MeasuredRest};
@@ -110,7 +110,11 @@ pub fn calibrate_with_parts(
     let contradictions =
         comparisons.iter().filter(|comparison| comparison.contradict).map(ToString::to_string);
     let moving = motions.iter().cloned();
-    let differing = differing_biases(&results, &rest);
+    let bias_checks = bias_checks(&results, &rest);
+    let differing = bias_checks.iter().filter(|check| !check.passes).map(|check| {
+        let CertificateCheck { what, found, .. } = check;
+        format!("not so: {what} ({found})")
+    });
     let findings = contradictions.chain(moving).chain(differing).chain(findings).chain(remarks).collect();
     let changes = changes(&results);
     Ok(Calibration {
@@ -119,6 +123,7 @@ pub fn calibrate_with_parts(
         comparisons,
         results,
         rest,
+        bias_checks,
         rest_motions: motions,
         rest_parts,
         records,
@@ -172,28 +177,33 @@ fn compare_angles(results: &mut [CalibratedGyroscope], positions: &mut RecordOut
     }
 }
 
-/// Axes whose bias under vibration is not that at rest.
-fn differing_biases(results: &[CalibratedGyroscope], rest: &[AxisAtRest]) -> Vec<String> {
-    let of_result = |result: &CalibratedGyroscope| -> Vec<String> {
+/// Whether the bias of each axis under vibration is that at rest.
+fn bias_checks(results: &[CalibratedGyroscope], rest: &[AxisAtRest]) -> Vec<CertificateCheck> {
+    let QuantityUnit { factor, shown, .. } = QuantityUnit::rate();
+    let of_result = |result: &CalibratedGyroscope| -> Vec<CertificateCheck> {
         let gyroscopes = rest.iter().filter(|rest| rest.sensor == InertialSensor::Gyroscope);
         let each = gyroscopes.filter_map(|rest| {
             let place = AXES.iter().position(|axis| *axis == rest.axis)?;
-            let [difference, limit] = difference(&result.bias[place]?, &rest.bias_estimate());
-            (difference.abs() > limit).then(|| {
-                format!(
-                    "condition `{}`: the bias of {} under vibration lies {difference:+.3e} rad/s from that at rest, beyond what both are known to \
-                     ({limit:.1e} rad/s): a vibration that is rectified, another temperature or a bias that wanders; neither is the bias of \
-                     the other state",
+            let [difference, limit] =
+                difference(&result.bias[place]?, &rest.bias_estimate()).map(|size| factor * size);
+            let apart = format!("{difference:+.1} {shown} apart, and both are known to {limit:.1} {shown}");
+            let passes = difference.abs() <= limit;
+            let why = "a vibration that is rectified, another temperature or a bias that wanders; neither is the bias of the other state";
+            Some(CertificateCheck {
+                what: format!(
+                    "condition `{}`: the bias of {} under vibration is that at rest",
                     result.condition, rest.axis
-                )
+                ),
+                passes,
+                found: if passes { apart } else { format!("{apart}: {why}") },
             })
         });
         each.collect()
     };
     // References of one condition share the gyroscope's records.
-    let mut said: Vec<String> = results.iter().flat_map(of_result).collect();
-    said.dedup();
-    said
+    let mut checks: Vec<CertificateCheck> = results.iter().flat_map(of_result).collect();
+    checks.dedup();
+    checks
 }
 
 /// One condition against one reference.
@@ -347,6 +357,7 @@ impl ReferenceCalibration<'_> {
             });
         }
         if let Some(Contradiction::Frequencies { groups, .. }) = &contradiction {
+            let mut is_described = true;
             for group in groups {
                 let chosen: Vec<RatePair> = group.iter().map(|place| pairs[*place]).collect();
                 let matrix = CalibrationMatrix::fit(&chosen, axes_of_reference).map_err(failed)?;
@@ -354,12 +365,18 @@ impl ReferenceCalibration<'_> {
                 let repeatability = LeaveOneOut::of(&chosen, axes_of_reference)
                     .repeatability([main], |matrix| Some(matrix.entry(main, main)?.0));
                 let found = FittedNumber { value, noise, repeatability };
+                is_described &= matrix.left <= MOST_LEFT;
                 calibrated.by_frequency.push(ScaleFactorAtFrequency {
                     frequency_hz: group.iter().map(|place| tones[*place].frequency_hz).sum::<f64>()
                         / group.len() as f64,
                     records: group.len(),
+                    has_scatter: inputs.has_reproducibility() || repeatability.is_some(),
                     scale_factor: inputs.estimate(&found, by_tilt(main, main), true),
                 });
+            }
+            // Records of one frequency that contradict each other are no case of a scale factor by frequency.
+            if !is_described {
+                calibrated.by_frequency.clear();
             }
         }
         if self.file.gyroscope.accelerometers.is_some() {
@@ -561,6 +578,14 @@ impl ReferenceCalibration<'_> {
         let mut warnings = Vec::new();
         if let Some(why) = &found.withheld {
             warnings.push(why.clone());
+            let alone = found.by_frequency.iter().filter(|at| !at.has_scatter).count();
+            if alone > 0 {
+                warnings.push(format!(
+                    "the intervals of {alone} of {} frequencies lack what changes from record to record: repeat their records, or state \
+                     `uncertainty.reproducibility`",
+                    found.by_frequency.len()
+                ));
+            }
         } else if probability < 0.01 {
             warnings.push(format!(
                 "the records scatter by more than the noise within them explains (χ² {:.1} at {} degrees of freedom); the interval has what they \

@@ -248,7 +248,8 @@ fn answer(
     bias: &[CertifiedBias],
 ) -> Vec<String> {
     let scales = results.iter().map(|result| {
-        let place = format!("scale factor {}, {}, {}", result.axis, result.condition, result.reference);
+        let place =
+            format!("scale factor {}, magnitude, {}, {}", result.axis, result.condition, result.reference);
         let found = result.scale_factor.map(|value| value.in_words(1.0, ""));
         format!("{place}: {}", found.as_deref().unwrap_or("withheld"))
     });
@@ -391,12 +392,25 @@ fn validity(found: &Calibration) -> Vec<CertificateCheck> {
         let known = [OF_REPEATABILITY, OF_REPRODUCIBILITY];
         let names =
             || result.budget.iter().filter_map(|part| part.input.as_ref()).map(|input| input.name.as_str());
-        let scatter = names().find(|name| known.contains(name));
+        // Records of several frequencies do not repeat each other where each frequency has its own factor.
+        let alone: Vec<String> = result
+            .by_frequency
+            .iter()
+            .filter(|at| !at.has_scatter)
+            .map(|at| format!("{:.2} Hz", at.frequency_hz))
+            .collect();
+        let scatter = names().find(|name| known.contains(name)).filter(|_| alone.is_empty());
         checks.push(CertificateCheck {
             what: format!("{place}: the interval has what changes from record to record"),
             passes: scatter.is_some(),
             found: scatter.map_or_else(
-                || "neither several records tell it nor `uncertainty.reproducibility` states it".to_owned(),
+                || {
+                    let place =
+                        if alone.is_empty() { String::new() } else { format!(" at {}", alone.join(", ")) };
+                    format!(
+                        "neither several records tell it nor `uncertainty.reproducibility` states it{place}"
+                    )
+                },
                 ToOwned::to_owned,
             ),
         });
@@ -438,12 +452,14 @@ fn validity(found: &Calibration) -> Vec<CertificateCheck> {
             what: "the unit is still during the record at rest".to_owned(),
             passes: found.rest_motions.is_empty(),
             found: if found.rest_motions.is_empty() {
-                "neither a part of the record nor a line of its spectrum stands out".to_owned()
+                "no part of the record and no line of its spectrum stands out; mean and noise do not change"
+                    .to_owned()
             } else {
                 found.rest_motions.join("; ")
             },
         });
     }
+    checks.extend(found.bias_checks.iter().cloned());
     checks.extend(found.records.iter().flat_map(|record| record.checks.iter().cloned()));
     checks.extend(found.comparisons.iter().map(|comparison| CertificateCheck {
         what: format!(
@@ -677,16 +693,17 @@ fn result_table(certificate: &Certificate) -> TextTable {
                 expanded,
                 format!("{:.2}", value.coverage_factor),
                 value.reported_freedom(),
-                if format!("{low:.1}") == format!("{high:.1}") {
-                    format!("{low:.1} Hz")
-                } else {
-                    format!("{low:.1} to {high:.1} Hz")
-                },
-                format!("{slow:.2} to {fast:.2} rad/s"),
+                range([format!("{low:.1}"), format!("{high:.1}")], "Hz"),
+                range([format!("{slow:.2}"), format!("{fast:.2}")], "rad/s"),
             ]);
         }
     }
     table
+}
+
+/// From one number to another, which may be the same.
+fn range([low, high]: [String; 2], unit: &str) -> String {
+    if low == high { format!("{low} {unit}") } else { format!("{low} to {high} {unit}") }
 }
 
 fn references_table(certificate: &Certificate) -> TextTable {

@@ -315,6 +315,10 @@ pub struct RestRecord {
     /// The columns of the accelerometers by axis, whose noise is wanted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub accelerometers: Option<Channels>,
+    /// The latitude, positive in the north. With three accelerometers in the record, the vertical part of the Earth's rotation is then subtracted from the
+    /// biases, and the horizontal one allowed for; otherwise their intervals allow for all of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub latitude: Option<Quantity<Angle>>,
     /// Fits each line that stands out of the spectrum by a sine, in parts of at most 65536 samples, and subtracts it. What stands out then still
     /// forbids a certificate.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

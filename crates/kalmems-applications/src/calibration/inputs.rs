@@ -142,10 +142,14 @@ impl CommonInputs {
         self.alignment.is_some()
     }
 
+    /// Whether it is stated what changes from record to record.
+    pub fn has_reproducibility(&self) -> bool {
+        self.common.iter().any(|input| input.name == OF_REPRODUCIBILITY)
+    }
+
     /// What enters for what a number scatters: nothing where its reproducibility is stated instead.
     pub fn repeatability(&self, found: &FittedNumber) -> Option<Repeatability> {
-        let is_stated = self.common.iter().any(|input| input.name == OF_REPRODUCIBILITY);
-        found.repeatability.filter(|_| !is_stated)
+        found.repeatability.filter(|_| !self.has_reproducibility())
     }
 
     /// The relative inputs that all entries share, and their correlations.

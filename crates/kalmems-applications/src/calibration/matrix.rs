@@ -38,6 +38,8 @@ pub struct CalibrationMatrix {
     pub excitation: Vec<(f64, [f64; 3])>,
     /// The part of the scale factor's variance by noise that is the gyroscope's, the rest being the reference's.
     pub shown_part: f64,
+    /// What K leaves of the gyroscope's phasors, root mean square over all records by that of the phasors.
+    pub left: f64,
 }
 
 /// A residual that no parameter changes: the covariance of a fit is in proportion to its sum of squares, which a single record leaves at 0, and what
@@ -47,23 +49,49 @@ const CONSTANT: f64 = 1.0;
 /// Beyond this standard deviation an entry of K is not known.
 const UNKNOWN: f64 = 0.3;
 
+/// How many times its noise the rate about an axis is at least, root mean square, for the entries of its column to be fitted.
+const STANDING_OUT: f64 = 10.0;
+
+/// The part of the gyroscope's phasors that K may leave. What records of one unit scatter is a hundredth of that.
+pub(super) const MOST_LEFT: f64 = 0.02;
+
+/// The signs of the diagonal that records of several axes tell apart, those of all axes turned at once being the phase of a clock.
+const TURNED: [[f64; 3]; 3] = [[-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, -1.0]];
+
 impl CalibrationMatrix {
     /// Fits K to records by least squares, each record with a phase of its own, which is what the gyroscope's clock
     /// leaves open.
     ///
-    /// Only magnitudes and relative phases count, so that the sign of a column is open too: its diagonal entry is taken
-    /// as positive, and a gyroscope mounted upside down shows as one that is not. An error of the reference enters with
-    /// K times its standard deviation.
+    /// Only magnitudes and relative phases count, so that the sign of a column is open where records rotate about one axis each: its diagonal
+    /// entry is taken as positive, and a gyroscope mounted upside down shows as one that is not. Where records rotate about several axes at
+    /// once and contradict that, the sign is what describes them. An error of the reference enters with K times its standard deviation.
     pub fn fit(pairs: &[RatePair], axes_of_reference: [bool; 3]) -> Result<Self, FitError> {
+        let upright = Self::from_signs(pairs, axes_of_reference, [1.0; 3])?;
+        if upright.left <= MOST_LEFT {
+            return Ok(upright);
+        }
+        let turned = TURNED.map(|signs| Self::from_signs(pairs, axes_of_reference, signs).ok());
+        let best = turned.into_iter().flatten().min_by(|a, b| a.left.total_cmp(&b.left));
+        Ok(best.filter(|best| best.left < 0.5 * upright.left).unwrap_or(upright))
+    }
+
+    /// The fit that begins with a diagonal of these signs.
+    fn from_signs(
+        pairs: &[RatePair],
+        axes_of_reference: [bool; 3],
+        signs: [f64; 3],
+    ) -> Result<Self, FitError> {
         let rows: [bool; 3] = std::array::from_fn(|i| pairs.iter().all(|pair| pair.shown[i].is_some()));
-        let free: [bool; 9] = std::array::from_fn(|k| rows[k / 3] && axes_of_reference[k % 3]);
+        let columns = excited(pairs, axes_of_reference);
+        let free: [bool; 9] = std::array::from_fn(|k| rows[k / 3] && columns[k % 3]);
         let mut start = [0.0; 9];
         for axis in (0..3).filter(|axis| free[4 * axis]) {
             let size = |of: &dyn Fn(&RatePair) -> f64| pairs.iter().map(of).sum::<f64>();
             let along = size(&|pair| {
                 pair.reference[axis].portable_norm() * pair.shown[axis].map_or(0.0, Complex64::portable_norm)
             });
-            start[4 * axis] = along / size(&|pair| pair.reference[axis].norm_sqr()).max(f64::MIN_POSITIVE);
+            let square = size(&|pair| pair.reference[axis].norm_sqr()).max(f64::MIN_POSITIVE);
+            start[4 * axis] = signs[axis] * along / square;
         }
         let settings = FitSettings { free, ..FitSettings::from_start(start) };
         // The weights hold K: twice is enough, as they depend on it weakly.
@@ -80,6 +108,7 @@ impl CalibrationMatrix {
             chi_square: (found.sum_of_squares - CONSTANT * CONSTANT).max(0.0),
             excitation: excitation(pairs),
             shown_part: shown_part(pairs, &found.parameters),
+            left: records.left(&found.parameters),
             by_noise: by_noise.sqrt(),
             fit: found,
             free,
@@ -259,6 +288,22 @@ impl MatrixResiduals<'_> {
     }
 }
 
+impl MatrixResiduals<'_> {
+    /// What this K leaves of what is shown.
+    fn left(&self, k: &[f64; 9]) -> f64 {
+        let (mut left, mut all) = (0.0, 0.0);
+        for pair in self.pairs {
+            let turn = self.turn(pair, k);
+            for (i, shown) in pair.shown.iter().enumerate() {
+                let Some(shown) = shown else { continue };
+                left += (turn * product(k, i, &pair.reference) - shown).norm_sqr();
+                all += shown.norm_sqr();
+            }
+        }
+        if all > 0.0 { (left / all).sqrt() } else { 0.0 }
+    }
+}
+
 /// Row i of K·Ω.
 fn product(k: &[f64; 9], row: usize, reference: &[Complex64; 3]) -> Complex64 {
     (0..3).map(|j| reference[j] * k[3 * row + j]).sum()
@@ -314,6 +359,19 @@ impl Regression<9> for MatrixResiduals<'_> {
         }
         each(CONSTANT, &[0.0; 9]);
     }
+}
+
+/// The axes of the reference whose rates stand out of its noise, and the one with the largest rate in any case. An entry of K for another one would
+/// take on any size, and with it the noise that it makes of the reference's, in which every contradiction is lost.
+fn excited(pairs: &[RatePair], axes_of_reference: [bool; 3]) -> [bool; 3] {
+    let squares: [f64; 3] =
+        std::array::from_fn(|axis| pairs.iter().map(|pair| pair.reference[axis].norm_sqr()).sum());
+    let most = squares.iter().copied().fold(0.0, f64::max);
+    std::array::from_fn(|axis| {
+        let noise: f64 = pairs.iter().map(|pair| 2.0 * pair.reference_deviation[axis].powi(2)).sum();
+        let stands_out = squares[axis] > STANDING_OUT * STANDING_OUT * noise;
+        axes_of_reference[axis] && (squares[axis] >= most || stands_out)
+    })
 }
 
 fn excitation(pairs: &[RatePair]) -> Vec<(f64, [f64; 3])> {

@@ -13,6 +13,7 @@ mod comparison;
 #[cfg(feature = "report")]
 mod compensation_sources;
 mod cross_check;
+mod earth;
 mod error;
 mod file;
 mod files;

@@ -1,9 +1,10 @@
 //! Whether one scale factor describes records of several frequencies and amplitudes.
 
-use super::matrix::{CalibrationMatrix, RatePair};
-use super::tone::VibrationTone;
+use super::matrix::{CalibrationMatrix, MOST_LEFT, RatePair};
+use super::tone::{AXES, VibrationTone};
 use crate::metrology::coverage_factor;
 use crate::signal::PortableComplex;
+use kalmems_core::Portable;
 use std::fmt;
 
 /// Frequencies that differ by more than this part are different ones.
@@ -13,9 +14,19 @@ const FALSE_ALARMS: f64 = 1e-3;
 /// Records that a trend is looked for in.
 const FEWEST_RECORDS: usize = 4;
 
+/// The part of an axis's own scale factor that it may show of another axis. A mounting is not off by half a right angle; channels are exchanged.
+const MOST_CROSSED: f64 = 0.5;
+
+/// Standard deviations by noise from which on that is certain.
+const CERTAIN: f64 = 5.0;
+
 /// Why one number is not the whole truth.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Contradiction {
+    /// An axis does not show the rate about the axis of its name.
+    Axes { axis: &'static str, own: f64, other: Option<(String, f64)> },
+    /// No matrix describes the records.
+    Records { left: f64, chi_square: f64, freedom: usize },
     /// Records of different frequencies have different factors.
     Frequencies {
         /// The places of the records of each frequency, lowest first.
@@ -31,6 +42,22 @@ pub(super) enum Contradiction {
 impl fmt::Display for Contradiction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Axes { axis, own, other: None } => write!(
+                f,
+                "the gyroscope of {axis} shows {own:+.3} of the rate about {axis}: its sign is turned against that of the other axes; the scale \
+                 factors are withheld. Correct `scale` of its column, or the mounting"
+            ),
+            Self::Axes { axis, own, other: Some((name, other)) } => write!(
+                f,
+                "k_{axis}{axis} is {own:+.3} and {name} {other:+.3}: axes are exchanged, or the case is turned against the reference; the scale \
+                 factors are withheld. Correct `channels`, or the mounting"
+            ),
+            Self::Records { left, chi_square, freedom } => write!(
+                f,
+                "no matrix of scale factors describes the records: the best leaves {:.1} % of what the gyroscope shows (χ² {chi_square:.3e} at \
+                 {freedom} degrees of freedom); it is withheld. Look for records of another run, a channel of another clock, and clipping",
+                100.0 * left
+            ),
             Self::Frequencies { ends_hz: [low, high], chi_square, freedom, .. } => write!(
                 f,
                 "one scale factor does not describe records from {low:.1} to {high:.1} Hz (χ² {chi_square:.3e} at {freedom} degrees of freedom): \
@@ -53,6 +80,9 @@ pub(super) fn contradiction(
     main: usize,
     matrix: &CalibrationMatrix,
 ) -> Option<Contradiction> {
+    if let Some(crossed) = crossed(matrix) {
+        return Some(crossed);
+    }
     if matrix.probability() >= FALSE_ALARMS {
         return None;
     }
@@ -63,7 +93,31 @@ pub(super) fn contradiction(
         let (chi_square, freedom) = (matrix.chi_square, matrix.freedom);
         return Some(Contradiction::Frequencies { groups, ends_hz, chi_square, freedom });
     }
+    if matrix.left > MOST_LEFT {
+        let CalibrationMatrix { left, chi_square, freedom, .. } = *matrix;
+        return Some(Contradiction::Records { left, chi_square, freedom });
+    }
     with_amplitude(pairs, main, matrix)
+}
+
+/// An axis that does not show the rate about the axis of its name, or less of it than of another.
+fn crossed(matrix: &CalibrationMatrix) -> Option<Contradiction> {
+    (0..3).find_map(|i| {
+        let ((own, deviation), axis) = (matrix.entry(i, i)?, AXES[i]);
+        if own < -CERTAIN * deviation {
+            return Some(Contradiction::Axes { axis, own, other: None });
+        }
+        let others = (0..3).filter(|j| *j != i).flat_map(|j| [(i, j), (j, i)]);
+        let sizes = others.filter_map(|(i, j)| Some((i, j, matrix.entry(i, j)?)));
+        let (i, j, (other, uncertain)) = sizes.max_by(|a, b| a.2.0.abs().total_cmp(&b.2.0.abs()))?;
+        let name = format!("k_{}{}", AXES[i], AXES[j]);
+        let beyond = other.abs() - MOST_CROSSED * own;
+        (beyond > CERTAIN * uncertain.portable_hypot(deviation)).then_some(Contradiction::Axes {
+            axis,
+            own,
+            other: Some((name, other)),
+        })
+    })
 }
 
 fn of_one_frequency(tones: &[VibrationTone]) -> Vec<Vec<usize>> {

@@ -2,7 +2,7 @@
 
 use super::comparison::ReferenceComparison;
 use super::peaks::PeakToPeak;
-use super::quantities::RecordOutcome;
+use super::quantities::{CertificateCheck, RecordOutcome};
 use super::rest::AxisAtRest;
 use super::tone::AXES;
 use crate::calibration::file::GyroscopeCalibration;
@@ -24,6 +24,8 @@ pub struct Calibration {
     pub comparisons: Vec<ReferenceComparison>,
     /// The record at rest, axis by axis.
     pub rest: Vec<AxisAtRest>,
+    /// Whether the biases under vibration are those at rest.
+    pub bias_checks: Vec<CertificateCheck>,
     /// Motions in it, in sentences: it is none at rest then.
     pub rest_motions: Vec<String>,
     /// The still and the moving parts of the record at rest.
@@ -171,6 +173,8 @@ pub struct ScaleFactorAtFrequency {
     pub frequency_hz: f64,
     /// How many records.
     pub records: usize,
+    /// Whether its interval has what changes from record to record.
+    pub has_scatter: bool,
     /// The factor.
     pub scale_factor: UncertainEstimate,
 }

@@ -1,5 +1,6 @@
 //! The record of positions of a calibration file: still parts and motions found, both sensors calibrated, and what can be said of the fit.
 
+use super::earth::EARTH_RATE;
 use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::positions::{
@@ -9,7 +10,7 @@ use super::positions::{
 };
 use super::positions_covariance::{PAIRS, covariance_of_positions};
 use super::quantities::{
-    EARTH_RATE, QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter, contribution, stated_contribution,
+    QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter, contribution, stated_contribution,
 };
 use super::tone::AXES;
 use super::tumble::tumble;

@@ -11,9 +11,6 @@ use serde::{Serialize, Serializer};
 
 /// Standard gravity in m/s².
 pub(super) const STANDARD_GRAVITY: f64 = 9.806_65;
-/// The rate of the Earth's rotation in rad/s (WGS 84).
-pub(super) const EARTH_RATE: f64 = 7.292_115e-5;
-
 /// The unit of a number, and how tables show it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QuantityUnit {
@@ -281,7 +278,7 @@ pub(super) fn stated_contribution<K: KindOf>(
 }
 
 /// A number with its inputs, which are independent; the first one is what the record itself tells (type A).
-fn estimate(value: f64, inputs: &[Input]) -> UncertainEstimate {
+pub(super) fn estimate(value: f64, inputs: &[Input]) -> UncertainEstimate {
     let of = |inputs: &[Input]| {
         let budget = Budget { inputs: inputs.to_vec(), correlations: Vec::new() };
         budget.combined(super::inputs::PROBABILITY)

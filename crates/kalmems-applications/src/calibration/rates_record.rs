@@ -1,11 +1,12 @@
 //! Records on a rate table that turns at one constant rate after the other: scale factor, its changes with the rate, bias, cross-axis sensitivity
 //! and hysteresis (IEEE Std 952 and 1431).
 
+use super::earth::EARTH_RATE;
 use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::linear_model::{LinearModel, residuals_left, standing_out};
 use super::quantities::{
-    EARTH_RATE, QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter, contribution, stated_contribution,
+    QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter, contribution, stated_contribution,
 };
 use super::tone::AXES;
 use super::unit_record::UnitSamples;

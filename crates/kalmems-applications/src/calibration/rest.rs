@@ -1,13 +1,14 @@
 //! A record without motion: static bias, and how it wanders.
 
+use super::earth::EarthAtRest;
 use super::noise_fit::{NoFit, NoiseFit, OctaveFit};
 use super::octave_covariance::PhaseDifference;
 use super::outcome::UncertainEstimate;
-use super::quantities::STANDARD_GRAVITY;
+use super::quantities::{STANDARD_GRAVITY, contribution, estimate};
 use super::rate_ramp::{RAMP_PIECES, RateRamp};
 use super::rest_lines::RestLines;
 use super::rest_samples::{Moments, RestSamples};
-use crate::metrology::{Combined, coverage_factor};
+use crate::metrology::{Evaluation, coverage_factor};
 use crate::signal::{AllanDeviation, Confident, Deviation, OctaveSums};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -104,6 +105,8 @@ pub struct AxisAtRest {
     pub bias_freedom: f64,
     /// What the uncertainty is.
     pub bias_method: BiasMethod,
+    /// What the mean has of the Earth's rotation; 0 of an accelerometer.
+    pub earth: EarthAtRest,
     /// The mean of the second half less that of the first in rad/s by the rate ramp, if that is more than 1.5 times its expanded uncertainty.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub drift: Option<f64>,
@@ -286,6 +289,7 @@ impl AxisAtRest {
             bias_uncertainty,
             bias_freedom,
             bias_method,
+            earth: EarthAtRest::default(),
             drift: ramp.filter(RateRamp::is_certain).map(|ramp| 0.5 * duration_s * ramp.value),
             rate_ramp: ramp.map(|ramp| ramp.value),
             rate_ramp_interval: ramp.map(|ramp| ramp.interval),
@@ -348,10 +352,14 @@ impl AxisAtRest {
         })
     }
 
-    /// The bias with its uncertainty.
+    /// The bias with its uncertainty: the mean without the Earth's rotation.
     pub fn bias_estimate(&self) -> UncertainEstimate {
-        let combined = Combined::of(self.bias_uncertainty, self.bias_freedom, super::inputs::PROBABILITY);
-        UncertainEstimate::of(self.bias, combined, combined)
+        let EarthAtRest { known, uncertainty } = self.earth;
+        let inputs = [
+            contribution("mean of the record", self.bias_uncertainty, self.bias_freedom, Evaluation::A),
+            contribution("Earth's rotation", uncertainty, f64::INFINITY, Evaluation::B),
+        ];
+        estimate(self.bias - known, &inputs)
     }
 }
 

@@ -1,5 +1,6 @@
 //! The records at rest of a calibration file: read in parts, divided at their gaps, and looked at for motion.
 
+use super::earth::set_earth;
 use super::error::CalibrationError;
 use super::file::{InertialUnit, RestRecord, is_per_record};
 use super::files::{InputFiles, columns, require_usable_record, require_within};
@@ -67,6 +68,7 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<MeasuredRest, Calibratio
     for channel in reading.channels {
         found.measure(channel, interval_s)?;
     }
+    set_earth(&mut found.axes, rest.latitude.as_ref().map(crate::config::Quantity::si));
     Ok(found)
 }
 
@@ -393,6 +395,14 @@ pub(super) fn describe(motion: &RestMotion, interval_s: f64, unit: &str) -> Stri
              of 1000): it vibrates, or something interferes. The deviations at times about half a cycle of it are not those of \
              rest.",
             frequency / interval_s
+        ),
+        RestMotion::Step { time_s, size } => format!(
+            "its mean steps by {size:+.3e} {unit} at {time_s:.6} s (noise alone shows that in less than one record of 1000): the unit was moved, or its bias \
+             jumped. Noise and deviations have the step in them; calibrate the parts before and after it."
+        ),
+        RestMotion::Changing { ratio } => format!(
+            "its noise changes: the standard deviation at the end is {ratio:.2} times that at the beginning (noise alone shows that in less than one \
+             record of 1000). Its numbers are a mean of different states."
         ),
         RestMotion::Unknown => "its gaps leave fewer than 16 pieces of equal length, or fewer than half of them: whether it moves is not known."
             .to_owned(),

@@ -16,7 +16,7 @@ use kalmems_core::Portable;
 use kalmems_engines::topics::{explained, link, warning_line};
 use kalmems_figures::{
     Axis, ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, Panel, Series, SeriesRole,
-    TextTable, guarded,
+    TextTable, guarded, significant,
 };
 use kalmems_store::{Output, OutputError, RunInfo, RunTiming};
 use serde::Serialize;
@@ -166,8 +166,10 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
         ColumnHead::text("reference"),
         ColumnHead::text("axis"),
         ColumnHead::number("scale factor", ""),
-        ColumnHead::text("± 95 % (ppm), k (ν)"),
-        ColumnHead::text("by the records alone"),
+        ColumnHead::number("U (95 %)", "ppm"),
+        ColumnHead::number("k", ""),
+        ColumnHead::number("ν", ""),
+        ColumnHead::number("U by the records alone", "ppm"),
         ColumnHead::number("to the first reference", "ppm"),
         ColumnHead::number("crest to trough", ""),
         ColumnHead::number("with intercept", ""),
@@ -178,7 +180,7 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
         "with intercept",
         "crest to trough",
         "to the first reference",
-        "by the records alone",
+        "U by the records alone",
     ]);
     for result in results {
         if result.withheld.is_some() {
@@ -188,15 +190,13 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
                 AXES[result.main].to_owned(),
                 "withheld".to_owned(),
             ];
-            row.resize(11, "–".to_owned());
+            row.resize(13, "–".to_owned());
             table.push(row);
             continue;
         }
         let found = &result.scale_factor;
         let UncertainEstimate { value, expanded_by_records, interval, .. } = *found;
-        let expanded = |size: f64, k: f64, freedom: f64| {
-            format!("{:.1}, {}", 1e6 * size / value.abs(), coverage(k, freedom))
-        };
+        let in_ppm = |size: f64| format!("{:.1}", 1e6 * size / value.abs());
         let first = results.iter().find(|r| r.condition == result.condition && r.main == result.main);
         let first = first.map_or(value, |first| first.scale_factor.value);
         let peaks = result.peak_to_peak;
@@ -210,12 +210,10 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
             result.reference.clone(),
             AXES[result.main].to_owned(),
             format!("{value:.6}"),
-            expanded(0.5 * (interval[1] - interval[0]), found.coverage_factor, found.degrees_of_freedom),
-            expanded(
-                expanded_by_records,
-                found.coverage_factor_by_records,
-                found.degrees_of_freedom_by_records,
-            ),
+            in_ppm(0.5 * (interval[1] - interval[0])),
+            format!("{:.2}", found.coverage_factor),
+            freedom(found.degrees_of_freedom),
+            in_ppm(expanded_by_records),
             format!("{:+.1}", 1e6 * (value / first - 1.0)),
             or_dash(peaks.map(|p| p.through_origin)),
             or_dash(peaks.and_then(|p| p.slope)),
@@ -233,15 +231,22 @@ pub(super) fn by_frequency(result: &CalibratedGyroscope) -> Option<TextTable> {
         ColumnHead::number("records", ""),
         ColumnHead::number("scale factor", ""),
         ColumnHead::number("U (95 %)", ""),
-        ColumnHead::text("k (ν)"),
+        ColumnHead::number("k", ""),
+        ColumnHead::number("ν", ""),
     ];
     let caption = format!("Scale factor by frequency: {}, {}", result.condition, result.reference);
     let mut table = TextTable::new(caption, columns);
     for at in &result.by_frequency {
         let found = &at.scale_factor;
         let [value, expanded] = with_uncertainty(found.value, found.expanded());
-        let k = coverage(found.coverage_factor, found.degrees_of_freedom);
-        table.push([format!("{:.2}", at.frequency_hz), at.records.to_string(), value, expanded, k]);
+        table.push([
+            format!("{:.2}", at.frequency_hz),
+            at.records.to_string(),
+            value,
+            expanded,
+            format!("{:.2}", found.coverage_factor),
+            freedom(found.degrees_of_freedom),
+        ]);
     }
     (!result.by_frequency.is_empty()).then_some(table)
 }
@@ -561,7 +566,11 @@ pub(super) fn at_rest(rests: &[&AxisAtRest]) -> impl Iterator<Item = TextTable> 
         TextTable::new("Noise at rest, fitted to Allan's variances, and an even change of the bias", columns);
     for rest in rests {
         let estimate = rest.bias_estimate();
-        let [value, expanded] = with_uncertainty(1e3 * estimate.value, 1e3 * estimate.expanded());
+        let (factor, unit) = match rest.sensor {
+            InertialSensor::Gyroscope => rest.sensor.shown(),
+            InertialSensor::Accelerometer => (1e3, "mm/s^2"),
+        };
+        let [value, expanded] = with_uncertainty(factor * estimate.value, factor * estimate.expanded());
         let axis = rest.sensor.axis(rest.axis);
         biases.push([
             axis.clone(),
@@ -569,8 +578,8 @@ pub(super) fn at_rest(rests: &[&AxisAtRest]) -> impl Iterator<Item = TextTable> 
             expanded,
             format!("{:.2}", estimate.coverage_factor),
             freedom(estimate.degrees_of_freedom),
-            format!("{:.4}", 1e3 * rest.noise),
-            format!("m{}", rest.sensor.unit()),
+            significant(factor * rest.noise),
+            unit.to_owned(),
         ]);
         for term in rest.noise_terms() {
             let (factor, unit) = term.shown;

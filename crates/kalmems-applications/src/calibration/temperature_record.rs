@@ -106,7 +106,7 @@ fn look_for_motion(outcome: &mut RecordOutcome, files: &mut InputFiles, samples:
     files.parts.push(figure.clone());
     outcome.figures.push(figure);
     let motions = channels.iter().flat_map(|(sensor, axis, found)| {
-        let motions = RestPieces::of(found).motions(RestSpectrum::of(found.longest()).as_ref());
+        let motions = RestPieces::of(found).motions_but_drift(RestSpectrum::of(found.longest()).as_ref());
         let words = move |motion: &RestMotion| describe(motion, samples.time.interval_s, sensor.unit());
         motions.iter().map(|motion| format!("{}: {}", sensor.axis(axis), words(motion))).collect::<Vec<_>>()
     });

@@ -1,11 +1,10 @@
 //! Records in which the unit is turned by a known angle about one axis, and rests between the turns: the scale factor by the integrated rate.
 
+use super::earth::EARTH_RATE;
 use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::linear_model::{LinearModel, residuals_left, standing_out};
-use super::quantities::{
-    EARTH_RATE, QuantityUnit, RecordOutcome, by_scatter, contribution, stated_contribution,
-};
+use super::quantities::{QuantityUnit, RecordOutcome, by_scatter, contribution, stated_contribution};
 use super::tone::AXES;
 use super::unit_record::UnitSamples;
 use crate::calibration::file::TurnsRecord;

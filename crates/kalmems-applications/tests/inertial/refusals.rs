@@ -316,3 +316,148 @@ fn a_reference_whose_axes_are_not_square_is_named_where_positions_tell_the_angle
         assert_eq!(said.contains("the axes of the reference are not square"), !is_square, "{angle}: {said}");
     }
 }
+
+/// Amplitudes about x, y and z of one record in rad/s, its frequency in Hz, and what all axes show times the rate of the case.
+struct Shaken {
+    rates: [f64; 3],
+    frequency: f64,
+    gain: f64,
+}
+
+/// A unit that shows `matrix` times the rates of a table in each of these records.
+fn shaken(matrix: [[f64; 3]; 3], records: &[Shaken], uncertainty: &str, seed: u64) -> Calibration {
+    let folder = tempfile::tempdir().unwrap();
+    let mut noise = Noise::new(seed);
+    let mut shown = "record,x,y,z\n".to_owned();
+    let mut reference = "record,rx,ry,rz\n".to_owned();
+    for (record, Shaken { rates, frequency, gain }) in records.iter().enumerate() {
+        let [a, b] = [0, 1].map(|_| TAU * noise.uniform());
+        for k in 0..1000 {
+            let at = |rate: f64, start: f64| (TAU * frequency * f64::from(k) / rate + start).cos();
+            let axes = matrix.map(|row| {
+                let rate: f64 = row.iter().zip(rates).map(|(entry, rate)| entry * rate).sum();
+                gain * rate * at(1000.0, a) + 1e-4 * noise.normal()
+            });
+            let known = rates.map(|rate| rate * at(2000.0, b) + 1e-4 * noise.normal());
+            writeln!(shown, "r{record},{:.7},{:.7},{:.7}", axes[0], axes[1], axes[2]).unwrap();
+            writeln!(reference, "r{record},{:.7},{:.7},{:.7}", known[0], known[1], known[2]).unwrap();
+        }
+    }
+    fs::write(folder.path().join("g.csv"), shown).unwrap();
+    fs::write(folder.path().join("r.csv"), reference).unwrap();
+    let channels = |names: [&str; 3]| {
+        let [x, y, z] = names;
+        format!(
+            "{{ x = {{ column = \"{x}\", unit = \"rad/s\" }}, y = {{ column = \"{y}\", unit = \"rad/s\" }}, z = {{ column = \"{z}\", unit = \"rad/s\" }} }}"
+        )
+    };
+    let text = format!(
+        "name = \"c\"\n[sensor]\nrate = \"1 kHz\"\nclock_tolerance = \"1 %\"\nchannels = {}\n\
+         [[condition]]\nname = \"room\"\nfile = \"g.csv\"\nsegments = {{ column = \"record\" }}\n\
+         [[condition.reference]]\nname = \"table\"\nfile = \"r.csv\"\nsegments = {{ column = \"record\" }}\n\
+         clock = {{ rate = \"2 kHz\" }}\nchannels = {}\nuncertainty = {{ {uncertainty} }}\n",
+        channels(["x", "y", "z"]),
+        channels(["rx", "ry", "rz"])
+    );
+    calibrated(&text, folder.path()).unwrap()
+}
+
+/// Turns about directions between the axes, each three times.
+fn oblique() -> Vec<Shaken> {
+    let directions = [[1.0, 0.5, 0.2], [-0.4, 1.0, 0.3], [0.3, -0.2, 1.0], [0.7, 0.7, -0.5]];
+    let records = (0..12).map(|k| Shaken { rates: directions[k % 4], frequency: 50.0, gain: 1.0 });
+    records.collect()
+}
+
+const UPRIGHT: [[f64; 3]; 3] = [[1.01, 0.002, -0.001], [0.003, 0.99, 0.002], [-0.002, 0.001, 1.02]];
+
+fn refused_checks(found: &Calibration) -> Vec<String> {
+    let checks = Certificate::of(found).validity;
+    checks.into_iter().filter(|check| !check.passes).map(|check| check.what).collect()
+}
+
+#[test]
+fn exchanged_and_turned_axes_under_vibration_have_no_scale_factor() {
+    let found = shaken(UPRIGHT, &oblique(), "", 31);
+    let [result] = &found.results[..] else { panic!("one result") };
+    assert_eq!(result.withheld, None, "{:?}", result.withheld);
+    assert!((result.scale_factor.value - UPRIGHT[result.main][result.main]).abs() < 1e-3);
+    let [x, y, z] = UPRIGHT;
+    let turned = |row: [f64; 3]| row.map(|entry| -entry);
+    let wrong = [
+        ([y, x, z], "exchanged"),
+        ([x, z, y], "exchanged"),
+        ([x, turned(y), z], "sign is turned"),
+        ([turned(x), y, z], "sign is turned"),
+        ([x, y, turned(z)], "sign is turned"),
+    ];
+    for (matrix, why) in wrong {
+        let found = shaken(matrix, &oblique(), "", 32);
+        let [result] = &found.results[..] else { panic!("one result") };
+        assert!(
+            result.withheld.as_ref().is_some_and(|text| text.contains(why)),
+            "{why}: {:?}",
+            result.withheld
+        );
+        let refused = refused_checks(&found);
+        assert!(refused.iter().any(|what| what.contains("one scale factor describes")), "{refused:?}");
+    }
+}
+
+/// The reference of each record is that of the one before it.
+#[test]
+fn records_that_no_matrix_describes_have_no_scale_factor() {
+    let mut records = oblique();
+    for record in &mut records[..4] {
+        record.gain = 1.3;
+    }
+    let found = shaken(UPRIGHT, &records, "", 33);
+    let [result] = &found.results[..] else { panic!("one result") };
+    assert!(
+        result.withheld.as_ref().is_some_and(|why| why.contains("no matrix of scale factors")),
+        "{:?}",
+        result.withheld
+    );
+}
+
+/// Twelve rates about y, and what is shown falls by 1 % from the lowest to the highest.
+#[test]
+fn a_scale_factor_that_changes_with_the_amplitude_is_withheld() {
+    let falling = |k: u32| Shaken {
+        rates: [0.0, 0.5 + 0.1 * f64::from(k), 0.0],
+        frequency: 50.0,
+        gain: 1.0 - 1e-2 * f64::from(k) / 11.0,
+    };
+    let records: Vec<Shaken> = (0..12).map(falling).collect();
+    let found = shaken(UPRIGHT, &records, "", 34);
+    let [result] = &found.results[..] else { panic!("one result") };
+    assert!(result.withheld.as_ref().is_some_and(|why| why.contains("changes with the rate")), "{result:#?}");
+}
+
+/// A factor that falls with the frequency, which the records of one frequency share or not.
+#[test]
+fn a_scale_factor_by_frequency_says_where_nothing_tells_what_changes_from_record_to_record() {
+    let records = |each: u32| -> Vec<Shaken> {
+        let at = |k: u32| Shaken {
+            rates: [0.0, 1.0, 0.0],
+            frequency: 30.0 + 20.0 * f64::from(k / each),
+            gain: 1.0 - 0.02 * f64::from(k / each),
+        };
+        (0..5 * each).map(at).collect()
+    };
+    let scatter = "the interval has what changes from record to record";
+    for (each, stated, is_known) in [(1, "", false), (1, "reproducibility = \"0.01 %\"", true), (3, "", true)]
+    {
+        let found = shaken(UPRIGHT, &records(each), stated, 35);
+        let [result] = &found.results[..] else { panic!("one result") };
+        assert_eq!(result.by_frequency.len(), 5, "{:?}", result.withheld);
+        let refused = refused_checks(&found);
+        assert_eq!(
+            !refused.iter().any(|what| what.contains(scatter)),
+            is_known,
+            "{each} {stated}: {refused:?}"
+        );
+        let is_said = result.warnings.iter().any(|text| text.contains("5 of 5 frequencies lack"));
+        assert_eq!(is_said, !is_known, "{:?}", result.warnings);
+    }
+}
