@@ -403,6 +403,9 @@ pub struct RatesRecord {
     /// How long the table turns at one rate at least; `"1 s"` if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shortest: Option<Quantity<Time, Positive>>,
+    /// What is left out at the beginning of each rate, while a slow gyroscope still follows the one before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub settling: Option<Quantity<Time, Positive>>,
 }
 
 /// A record in which the unit is turned about one of its axes by a known angle or multiples of it, to either side, and rests before and after each turn:

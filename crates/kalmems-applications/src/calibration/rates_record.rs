@@ -13,7 +13,7 @@ use super::unit_record::UnitSamples;
 use crate::calibration::file::{Mounting, RatesRecord};
 use crate::config::Quantity;
 use crate::fit::{DerivedNumber, Fit, FitError};
-use crate::metrology::{Evaluation, Input};
+use crate::metrology::{Evaluation, Input, coverage_factor};
 use kalmems_core::{Dual, Portable, Scalar};
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use std::ops::Range;
@@ -31,6 +31,10 @@ const FEWEST_STEPS: usize = 10;
 const FEWEST_RATES: usize = 6;
 /// Rates that differ by less than this part of the largest one are the same.
 const SAME: f64 = 1e-3;
+/// Parts of a step whose first and last are compared.
+const QUARTERS: usize = 4;
+/// How often noise alone is called a gyroscope that has not settled.
+const FALSE_ALARMS: f64 = 1e-3;
 /// The shortest step in s if nothing is stated.
 const SHORTEST_S: f64 = 1.0;
 
@@ -43,6 +47,8 @@ struct Step {
     shown: [Option<f64>; 3],
     /// 1 if the rate before was lower, −1 if it was higher, 0 of the first step of a stretch.
     direction: f64,
+    /// The rate less that before in rad/s, 0 of the first.
+    change: f64,
 }
 
 /// The steps of a record with the terms of the fit.
@@ -80,7 +86,8 @@ fn measure_one(
 ) -> Result<(RecordOutcome, RecordBiases), CalibrationError> {
     let shortest_s = record.shortest.as_ref().map_or(SHORTEST_S, Quantity::si);
     let earth = record.latitude.as_ref().map(|latitude| EARTH_RATE * latitude.si().portable_sin());
-    let steps = Steps::of(samples, shortest_s, earth.unwrap_or(0.0), sign(record));
+    let settling_s = record.settling.as_ref().map_or(0.0, Quantity::si);
+    let steps = Steps::of(samples, [shortest_s, settling_s], earth.unwrap_or(0.0), sign(record));
     shown.push(steps.parts(samples, record));
     let rates = steps.different_rates();
     if steps.each.len() < FEWEST_STEPS || rates < FEWEST_RATES || !steps.has_both_signs() {
@@ -211,7 +218,9 @@ const METHOD: &str = "Rates: the table turns at constant rates; the parts in whi
     evaluation.";
 
 impl Steps {
-    fn of(samples: &UnitSamples, shortest_s: f64, earth: f64, sign: f64) -> Self {
+    fn of(samples: &UnitSamples, [shortest_s, settling_s]: [f64; 2], earth: f64, sign: f64) -> Self {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // of two positive times
+        let settling = (settling_s / samples.time.interval_s).ceil() as usize;
         let mut each: Vec<Step> = Vec::new();
         let rates = samples.rates();
         let all = rates.into_iter().flatten().chain([samples.further()]);
@@ -219,6 +228,10 @@ impl Steps {
         for parts in samples.still_parts(shortest_s, &columns) {
             let mut before: Option<f64> = None;
             for rows in parts {
+                let rows = rows.start + settling..rows.end;
+                if rows.len() < QUARTERS {
+                    continue;
+                }
                 let mean = |values: &[f64]| {
                     let values = values.get(rows.clone()).unwrap_or_default();
                     values.iter().sum::<f64>() / values.len() as f64
@@ -226,8 +239,9 @@ impl Steps {
                 let table = sign * (mean(samples.further()) + earth);
                 let shown = std::array::from_fn(|axis| rates[axis].map(mean));
                 let direction = before.map_or(0.0, |before| if table > before { 1.0 } else { -1.0 });
+                let change = before.map_or(0.0, |before| table - before);
                 before = Some(table);
-                each.push(Step { rows, table, shown, direction });
+                each.push(Step { rows, table, shown, direction, change });
             }
         }
         let largest = each.iter().map(|step| step.table.abs()).fold(f64::MIN_POSITIVE, f64::max);
@@ -342,6 +356,21 @@ impl Steps {
             far.is_empty(),
             residuals_left(found, "rad/s"),
         );
+        if let Some([share, deviation, freedom]) = self.lag(samples.rates()[record.axis.index()]) {
+            let passes = share.abs() <= coverage_factor(1.0 - FALSE_ALARMS, freedom) * deviation;
+            let found = format!(
+                "from the first to the last quarter of the steps the rate changes by {:+.1} ± {:.1} ppm of the step before",
+                1e6 * share,
+                1e6 * deviation
+            );
+            outcome.check(name("the gyroscope has settled where the steps begin"), passes, found.clone());
+            if !passes {
+                outcome.warnings.push(format!(
+                    "rates `{}`: {found}: it still follows the rate before, which looks like hysteresis; state `settling`, a few of its time constants",
+                    record.name
+                ));
+            }
+        }
         let scale = found.derived(|p| self.line(p, |_| true)).value;
         outcome.check(
             name("the gyroscope turns with the table"),
@@ -356,6 +385,26 @@ impl Steps {
                 AXES[record.axis.index()]
             ));
         }
+    }
+
+    /// By what part of the change of the rate the mean of the last quarter of a step exceeds that of the first, its standard deviation, and the degrees of
+    /// freedom of that.
+    fn lag(&self, values: Option<&[f64]>) -> Option<[f64; 3]> {
+        let mean = |rows: Range<usize>| -> Option<f64> {
+            let values = values?.get(rows)?;
+            Some(values.iter().sum::<f64>() / values.len() as f64)
+        };
+        let points = self.each.iter().filter(|step| step.change != 0.0).filter_map(|step| {
+            let Range { start, end } = step.rows;
+            let quarter = (end - start) / QUARTERS;
+            Some((step.change, mean(end - quarter..end)? - mean(start..start + quarter)?))
+        });
+        let points: Vec<(f64, f64)> = points.collect();
+        let square: f64 = points.iter().map(|(change, _)| change * change).sum();
+        let share = points.iter().map(|(change, more)| change * more).sum::<f64>() / square;
+        let left: f64 = points.iter().map(|(change, more)| (more - share * change).powi(2)).sum();
+        let freedom = points.len().checked_sub(1).filter(|freedom| *freedom > 0)? as f64;
+        Some([share, (left / freedom / square).sqrt(), freedom])
     }
 
     /// What each step shows beyond the straight line through all of them, in rad/s.

@@ -32,6 +32,8 @@ struct Gyroscope {
     noise: f64,
     /// What each step is off by itself.
     scatter: f64,
+    /// The time constant of its low pass in samples.
+    lag: f64,
 }
 
 const GYROSCOPE: Gyroscope = Gyroscope {
@@ -44,6 +46,7 @@ const GYROSCOPE: Gyroscope = Gyroscope {
     others: [0.004, -0.007, 0.0],
     noise: 2e-3,
     scatter: 1.5e-4,
+    lag: 0.0,
 };
 
 /// The rates of a staircase up and down twice, in rad/s.
@@ -72,6 +75,7 @@ impl Gyroscope {
         let mut noise = Noise::new(seed);
         let mut text = "table_rad_per_s,gx_rad_per_s,gy_rad_per_s,gz_rad_per_s\n".to_owned();
         let mut before = rates[0];
+        let mut followed = rates[0];
         for rate in rates {
             let direction = (rate - before).signum() * f64::from(u8::from(*rate != before));
             // The table does not keep the rate while it accelerates.
@@ -83,7 +87,8 @@ impl Gyroscope {
             for (place, now) in ramp.chain(std::iter::repeat_n(*rate, HOLD)).enumerate() {
                 let is_still = place >= RAMP || *rate == before;
                 let off = if is_still { off } else { [0.0; 3] };
-                let main = self.at(now, direction) + off[2] + self.noise * noise.normal();
+                followed += (now - followed) / (1.0 + self.lag);
+                let main = self.at(followed, direction) + off[2] + self.noise * noise.normal();
                 let [x, y] =
                     [0, 1].map(|axis| self.others[axis] * now + off[axis] + self.noise * noise.normal());
                 writeln!(text, "{now:.6},{x:.7},{y:.7},{main:.7}").unwrap();
@@ -309,4 +314,23 @@ fn turned_saturated_and_too_few_steps_are_named_and_none_is_certified() {
     let found = calibrated(&GYROSCOPE, &up, 3, FILE).unwrap();
     let record = &found.records[0];
     assert!(record.estimate("scale_factor_z").is_some() && record.estimate("bias_z").is_some());
+}
+
+/// A low pass of 0.12 s: what it still follows of the rate before looks like hysteresis, until that time is left out.
+#[test]
+fn a_slow_gyroscope_is_named_and_is_right_once_its_settling_is_left_out() {
+    let slow = Gyroscope { lag: 12.0, hysteresis: 0.0, ..GYROSCOPE };
+    let check = |text: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        slow.write(&folder.path().join("rates.csv"), &staircase(), 41);
+        let file = GyroscopeCalibration::parse(text, &folder.path().join("table.toml")).unwrap();
+        let found = calibrate(&file, &Silent).unwrap();
+        let [record] = &found.records[..] else { panic!("{:?}", found.records) };
+        let settled = record.checks.iter().find(|check| check.what.contains("has settled")).unwrap();
+        let [low, high] = record.estimate("hysteresis_z").unwrap().interval;
+        (settled.passes, low < 0.0 && 0.0 < high)
+    };
+    let of = |keys: &str| check(&FILE.replace("table = ", &format!("shortest = \"0.5 s\"\n{keys}table = ")));
+    assert_eq!(of(""), (false, false));
+    assert_eq!(of("settling = \"0.9 s\"\n"), (true, true));
 }
