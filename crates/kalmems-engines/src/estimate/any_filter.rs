@@ -1,6 +1,7 @@
 //! A filter that is chosen when the program runs, and so is its number of states.
 
 use super::answers::{AnswerRun, FilterRunStart};
+use super::continuous_gain::continuous_gain;
 use super::engine::Filtering;
 use super::gate::SampleGate;
 use super::linked::LinkedFilter;
@@ -10,11 +11,10 @@ use super::{ConstantGain, GainOf, ModelAlone, ParameterCorrelation, StateName};
 use crate::config::Method;
 use kalmems_core::Portable;
 use kalmems_core::filter::Pole;
-use kalmems_core::riccati::{continuous_riccati, kalman_bucy_gain};
 use kalmems_core::update::Gate;
 use kalmems_core::{
-    Covariance, Ekf, Filter, FilterError, FixedGain, Gaussian, Innovation, IteratedEkf, Mat, NoiseDensity,
-    OperatingPoint, SchmidtEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, StateTransition, Ukf,
+    Covariance, Ekf, Filter, FilterError, FixedGain, Gaussian, Innovation, IteratedEkf, Mat, OperatingPoint,
+    SchmidtEkf, SigmaPoints, SquareRootEkf, SquareRootUkf, StateTransition, Ukf,
 };
 use std::f64::consts::PI;
 
@@ -263,15 +263,9 @@ fn constant_gain<const N: usize>(
         (GainOf::Continuous, interval_s) => {
             let none = || "its motion is known from sample to sample alone; use `steady_state`".to_owned();
             let motion = transition.continuous().ok_or_else(none)?;
-            let slopes = Mat::from_fn(|i, j| motion.slopes.get(i * N + j).copied().unwrap_or(0.0));
-            let density = |i: usize| motion.densities.get(i).copied().unwrap_or(0.0);
-            let density =
-                NoiseDensity::from_lower(Mat::from_fn(|i, j| if i == j { density(i) } else { 0.0 }));
             // Over an interval h the gain P·Hᵀ/(R·h) adds P·Hᵀ/R of what a sample leaves.
-            let sampled = NoiseDensity::none().on::<0>(variance * interval_s);
-            let settled = continuous_riccati(&slopes, &point.observation, &density, &sampled);
-            let settled = settled.map_err(|why| why.to_string())?;
-            let gain = kalman_bucy_gain(&settled, &point.observation, &sampled).scaled(interval_s);
+            let gain = continuous_gain(&motion, &point.observation.0[0], variance * interval_s);
+            let gain = gain.map_err(|why| why.to_string())?.scaled(interval_s);
             FixedGain::from_gain(mean, gain, &point).map_err(|why| why.to_string())?
         }
     };

@@ -9,6 +9,7 @@ mod batch_start;
 mod bridge;
 mod considered;
 mod constant_gain;
+mod continuous_gain;
 pub mod driven;
 mod engine;
 mod error;
