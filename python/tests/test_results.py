@@ -343,8 +343,15 @@ def test_applications_give_arrays_and_figures() -> None:
     calibration = kalmems.calibrate(EXAMPLES / "gyroscope/calibration.toml")
     assert calibration.metrics and "scale factor" in str(calibration)
     assert calibration.figures["allan.svg"].startswith(b"<svg")
+    assert calibration.answer[0].startswith("scale factor ") and calibration.answer == calibration.metrics["answer"]
+    unit = kalmems.calibrate(EXAMPLES / "inertial_unit/unit.toml")
+    assert {record["kind"] for record in unit.metrics["unit_records"]} >= {"positions"} and len(unit.figures) > 2
+    assert all(figure.startswith(b"<svg") for figure in unit.figures.values())
     image = kalmems.image(EXAMPLES / "shared_scanner/image.toml")
     assert image.values.ndim == 2 and np.isfinite(image.values).any()
+    assert "pixels, of which" in image.answer[0] and str(image).startswith(image.answer[0])
+    spectrum = kalmems.spectrum(EXAMPLES / "piston_mirror/two_lines_spectrum.toml")
+    assert len(spectrum.answer) == 2 and all(line.startswith("line ") for line in spectrum.answer)
     with pytest.raises(kalmems.ExperimentError):
         kalmems.spectrum(EXAMPLES / "shared_scanner/image.toml")
 

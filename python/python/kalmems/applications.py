@@ -1,4 +1,4 @@
-"""What an estimated motion is for: images, spectra, and the calibration of a gyroscope, each as its file describes it."""
+"""What an estimated motion is for: images, spectra, and the calibration of inertial sensors, each as its file describes it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class _Told:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration(_Told):
-    """The calibration of a gyroscope, with its budget of uncertainty."""
+    """The calibration of gyroscopes and accelerometers, with its budgets of uncertainty."""
 
     figures: dict[str, bytes]
     """The pictures of the report by their names, as SVG."""
@@ -96,7 +96,7 @@ class Spectrum(_Told):
 
 
 def calibrate(path: str | os.PathLike[str], *, progress: Progress = None) -> Calibration:
-    """Calibrates a gyroscope, as `kalmems calibrate gyro` does."""
+    """Calibrates gyroscopes and accelerometers, as `kalmems calibrate gyro` does."""
     found, text, figures = _kalmems.calibrate(Path(path), progress)
     return Calibration(json.loads(found), text, figures)
 

@@ -134,6 +134,49 @@ fn a_range_that_ends_refuses_a_record_of_each_kind() {
     }
 }
 
+/// Of a record of each kind, with the code that instruments write beyond their range in one cell of a sensor: refused where every sample counts,
+/// and elsewhere left out and named.
+#[test]
+fn an_overload_code_is_refused_or_named_in_a_record_of_each_kind() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/inertial_unit");
+    for (file, kind) in [
+        ("unit.toml", "rest"),
+        ("unit.toml", "positions"),
+        ("table.toml", "rates"),
+        ("table.toml", "temperature"),
+        ("motion.toml", "turns"),
+    ] {
+        let place = tempfile::tempdir().unwrap();
+        let text = fs::read_to_string(folder.join(file)).unwrap();
+        let mut table: toml::Table = text.parse().unwrap();
+        table.retain(|key, _| ["name", "sensor", kind].contains(&key));
+        let records = match &table[kind] {
+            toml::Value::Array(records) => records.clone(),
+            one => vec![one.clone()],
+        };
+        for record in records {
+            let name = record["file"].as_str().unwrap();
+            let rows = fs::read_to_string(folder.join(name)).unwrap();
+            let mut lines: Vec<String> = rows.lines().map(str::to_owned).collect();
+            let gyroscope =
+                lines[0].split(',').position(|column| column.contains("_dps") && column.starts_with('g'));
+            let middle = lines.len() / 2;
+            let mut cells: Vec<&str> = lines[middle].split(',').collect();
+            cells[gyroscope.unwrap()] = "9.9E37";
+            lines[middle] = cells.join(",");
+            fs::write(place.path().join(name), lines.join("\n") + "\n").unwrap();
+        }
+        let said = match calibrated(&table.to_string(), place.path()) {
+            Ok(found) => found.findings.join("\n"),
+            Err(refused) => refused.to_string(),
+        };
+        assert!(
+            said.contains("_dps") && (said.contains("clipped") || said.contains("beyond the range")),
+            "{kind}: {said}"
+        );
+    }
+}
+
 /// A shake from 300 to 320 s; that and no other part of the record is drawn as one that moves.
 #[test]
 fn the_still_and_the_moving_parts_of_a_record_at_rest_are_drawn() {
