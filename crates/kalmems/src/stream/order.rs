@@ -172,7 +172,10 @@ impl Order {
     fn take_sorted(&mut self, sample: StreamSample, each: &mut dyn FnMut(OrderedEvent)) {
         let each = &mut |event| each(event);
         self.take(sample, each);
-        self.pass_held(each);
+        // What the first one is, those that follow it tell.
+        if self.passed.is_some() {
+            self.pass_held(each);
+        }
     }
 
     /// Says that what comes next does not go on from what came, of which nothing is waited for any more.
@@ -237,10 +240,24 @@ impl Order {
         }
         insert(&mut self.ahead, place, sample, &mut self.counts);
         if self.ahead.len() > self.settings.wait {
+            if self.first_is_misplaced() {
+                self.held.clear();
+                self.counts.misplaced += 1;
+            }
             self.pass_held(each);
             self.held = std::mem::take(&mut self.ahead);
             self.pass_ready(each);
         }
+    }
+
+    /// Whether the first sample of all is far behind those whose numbers follow its own at once.
+    fn first_is_misplaced(&self) -> bool {
+        let number = |samples: &VecDeque<(SamplePlace, StreamSample)>| samples.front()?.1.sequence;
+        let follows = |first: u64, next: u64| next == 0 || next == first.wrapping_add(1);
+        let numbers = number(&self.held).zip(number(&self.ahead));
+        self.passed.is_none()
+            && self.held.len() == 1
+            && numbers.is_some_and(|(first, next)| follows(first, next))
     }
 
     /// What came first and lies far ahead of what came after it was not on the course.
@@ -522,6 +539,27 @@ mod tests {
         order.finish(&mut each);
         let counts = order.counts();
         assert_eq!((counts.passed, counts.misplaced, counts.dropped), (100, 1, 0));
+    }
+
+    #[test]
+    fn one_time_that_is_far_off_is_left_out_of_frames_that_count_wherever_it_is() {
+        for (place, time_s) in [0, 1, 500, 999].into_iter().flat_map(|place| [(place, 1e5), (place, -3.0)]) {
+            let mut order = ordering(4, Some(8));
+            let mut times = Vec::new();
+            let mut each = |next| match next {
+                OrderedEvent::Sample(StreamSample { numbers, .. }) => times.push(numbers[0]),
+                OrderedEvent::Restart { .. } => panic!("{place} {time_s}"),
+            };
+            let expected = |number: u64| (number != place).then_some(number as f64 * 1e-6);
+            for number in 0..1000 {
+                let numbers = vec![expected(number).unwrap_or(time_s)];
+                order.take(StreamSample { sequence: Some(number & 0xff), numbers }, &mut each);
+            }
+            order.finish(&mut each);
+            assert_eq!(times, (0..1000).filter_map(expected).collect::<Vec<_>>(), "{place} {time_s}");
+            let OrderCounts { misplaced, dropped, late, .. } = order.counts();
+            assert_eq!((misplaced, dropped, late), (1, 0, 0), "{place} {time_s}");
+        }
     }
 
     #[test]
