@@ -315,6 +315,7 @@ class SampleCounts(TypedDict):
     drive_bends: NotRequired[int]
     unresolved_kinks: NotRequired[int]
     for_start: NotRequired[int]
+    restarted: NotRequired[int]
     lost: NotRequired[int]
     crossings: NotRequired[int]
     crossings_refused: NotRequired[int]

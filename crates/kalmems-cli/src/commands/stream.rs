@@ -354,6 +354,9 @@ fn text(summary: &StreamSummary) -> String {
         (received.reconnections, "times the connection was restored"),
         (summary.stretches.restarts as u64, "times the estimate began again"),
         (summary.not_estimated, "samples have no estimate"),
+        (summary.stopped, "times a filter stopped, as its state or covariance was no number"),
+        (summary.disturbed, "times a sample disturbed a filter that was settling"),
+        (summary.restarted, "times a filter that was settling was started again from the signal"),
         (summary.noise_only, "times the signal was noise only"),
         (summary.withheld, "zero phases or crossings were not reported, because the signal was noise"),
         (

@@ -1268,6 +1268,44 @@ fn a_listener_serves_the_next_client_behind_one_that_sends_no_sample() {
     assert_eq!((&summary["estimated"], &summary["received"]["turned_away"]), (&24_001.into(), &2.into()));
 }
 
+/// A listener whose client closes the connection without an end mark, in the middle of a frame: what came is estimated, the half frame is counted, and
+/// the next client goes on where one may come.
+#[test]
+fn a_client_of_a_listener_that_closes_in_the_middle_of_a_frame_has_broken_off() {
+    use std::io::{BufRead, BufReader, Read, Write};
+    let folder = tempfile::tempdir().unwrap();
+    let (experiment, frames) = frames(folder.path());
+    let text = std::fs::read_to_string(&experiment).unwrap();
+    // A frame has 28 bytes.
+    let half = 28 * 12_000 + 13;
+    for (line, code, came) in [("", 4, 12_000), ("reconnect = \"20 s\"", 0, 24_000)] {
+        std::fs::write(&experiment, text.replace("every = 10", &format!("{line}\nevery = 10"))).unwrap();
+        let mut child = kalmems()
+            .args(["stream", experiment.to_str().unwrap(), "--json", "--from", "listen://127.0.0.1:0"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut said = BufReader::new(child.stderr.take().unwrap());
+        let mut first = String::new();
+        said.read_line(&mut first).unwrap();
+        let address = first.trim().rsplit(' ').next().unwrap();
+        std::net::TcpStream::connect(address).unwrap().write_all(&frames[..half]).unwrap();
+        if code == 0 {
+            let mut next = std::net::TcpStream::connect(address).unwrap();
+            next.write_all(&[&frames[28 * 12_001..], b"# end\n"].concat()).unwrap();
+        }
+        let mut rest = String::new();
+        said.read_to_string(&mut rest).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(code), "{rest}");
+        let summary = summary(&rest);
+        let received = &summary["received"];
+        assert_eq!((&summary["estimated"], &received["cut_off"]), (&came.into(), &1.into()), "{rest}");
+        assert_eq!(summary["broken"]["samples"] == 12_000, code == 4, "{rest}");
+        assert_eq!(received["breaks"], 1, "{rest}");
+    }
+}
+
 /// A stream of the example with each row changed; the exit code, the lines, and what was said.
 fn streamed(change: impl Fn(usize, &str) -> String) -> (Option<i32>, String, String) {
     streamed_by(STREAM, change)
@@ -1567,7 +1605,8 @@ fn one_frame_with_a_wrong_time_is_left_out_and_counted() {
     let folder = tempfile::tempdir().unwrap();
     let (experiment, frames) = frames(folder.path());
     let path = folder.path().join("frames.bin");
-    for (at, time_s) in [(5000, 0.0025), (5000, 1e6), (20_000, f64::NAN), (20_000, -3.0)] {
+    let wrong = [(0, 1e6), (0, -3.0), (5000, 0.0025), (5000, 1e6), (20_000, f64::NAN), (20_000, -3.0)];
+    for (at, time_s) in wrong {
         let mut frames = frames.clone();
         frames[28 * at + 4..28 * at + 12].copy_from_slice(&f64::to_le_bytes(time_s));
         std::fs::write(&path, &frames).unwrap();

@@ -190,6 +190,31 @@ fn a_single_row_at_a_time_of_1e300_is_a_stretch_that_is_left_out() {
 }
 
 #[test]
+fn a_segment_of_which_no_stretch_can_be_estimated_is_an_error() {
+    // A record of 12 ms, and one of two pieces, each shorter than the settling time, or the second of them not.
+    for (ends, code) in [(20_500, 1), (24_000, 0)] {
+        let row = |row: usize| row < 12_500 || (15_000 + 5000 * usize::from(code == 1)..ends).contains(&row);
+        let replaced = ["clock = {", "segments = { column = \"take\" }\nclock = {"];
+        let altered = Altered::of("shared_scanner", |k, time_s| row(k).then_some(time_s), replaced);
+        let path = altered.folder.path().join("recording.csv");
+        let rows = std::fs::read_to_string(&path).unwrap();
+        let label = |(k, line): (usize, &str)| match k {
+            0 => format!("{line},take\n"),
+            1..=12_000 => format!("{line},a\n"),
+            _ => format!("{line},b\n"),
+        };
+        std::fs::write(&path, rows.lines().enumerate().map(label).collect::<String>()).unwrap();
+        let (output, _) = altered.run(&["estimate", "experiment.toml", "--out", "out"]);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{said}");
+        assert_eq!(altered.folder.path().join("out").exists(), code == 0);
+        if code == 1 {
+            assert!(said.contains("segment `b`") && said.contains("more than the settling time"), "{said}");
+        }
+    }
+}
+
+#[test]
 fn a_clock_that_goes_back_begins_a_stretch_that_is_compared_with_its_own_reference() {
     let whole = Altered::of("shared_scanner", |_, t| Some(t), NOTHING);
     let (before, ..) = whole.estimate();

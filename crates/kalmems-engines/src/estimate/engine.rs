@@ -817,6 +817,8 @@ impl<const N: usize> FilterRun<N> {
                 filter.take_over(&AnyKnownStateStep::from(&known))?;
                 let (time_s, before) = (trajectory.time_s[k], held.to_vec());
                 trajectory.restarts.push(Restart { time_s, known, before });
+                let settles = again.is_some_and(|again| time_s < again.from_s);
+                trajectory.counts.restarted += usize::from(settles);
             }
         }
         self.begun = true;

@@ -4,6 +4,9 @@
 //! a start needs is started again by these cycles, of which none is that in which it was lost, so that what made it lose the signal is not among
 //! their samples. A start that is not found is sought again later. A filter that comes back by itself is started again as well, as soon as it explains
 //! the signal for as long, since what it claims rests on samples that are none of the signal; but not where its gate has rejected all of these.
+//!
+//! A filter that settles may leave the signal unexplained, and is not watched. Only a sample that is [`DISTURBANCE`] standard deviations away from its
+//! prediction, or a drive that leads to such samples, may leave a filter where it explains nothing: from there on it is watched as a settled one is.
 
 use super::signal_watch::{CycleState, SignalTurn, SignalWatch, WatchedSample};
 
@@ -12,11 +15,14 @@ use super::signal_watch::{CycleState, SignalTurn, SignalWatch, WatchedSample};
 pub struct Reacquisition {
     /// The frequency of its slowest motion, in Hz.
     pub motion_hz: f64,
-    /// The end of the settling time, in s: a filter that settles is not lost.
+    /// The end of the settling time, in s: a filter that settles is not lost, unless a sample has disturbed it.
     pub from_s: f64,
     /// The rows that a start is sought in.
     pub rows: usize,
 }
+
+/// The innovation in standard deviations from which on a sample disturbs a filter that settles.
+pub const DISTURBANCE: f64 = 100.0;
 
 /// A search takes as long as about a thousand cycles: after one the next comes not before so many cycles, and so large a part of the cycles since
 /// the loss.
@@ -47,6 +53,8 @@ impl StateAt {
 #[derive(Clone, Debug)]
 pub(super) struct LossWatch {
     signal: SignalWatch,
+    /// Whether the filter has settled, or was disturbed before.
+    is_watched: bool,
     /// Cycles since the signal was lost, from which on a start may be sought.
     age: u32,
     next: u32,
@@ -73,6 +81,7 @@ impl LossWatch {
         let nowhere = StateAt { time_s: f64::NAN, mean: vec![f64::NAN; states] };
         Self {
             signal: SignalWatch::default(),
+            is_watched: false,
             age: 0,
             next: 0,
             rows: 0,
@@ -97,11 +106,8 @@ impl LossWatch {
         sample: WatchedSample,
         mean: &[f64],
     ) -> Option<f64> {
-        if time_s < rule.from_s {
+        if !self.is_watched && !self.begins(rule, time_s, sample, mean) {
             return None;
-        }
-        if self.began.time_s.is_nan() {
-            self.began.keep(time_s, mean);
         }
         self.rows += 1;
         self.rows_of_cycle += 1;
@@ -139,6 +145,27 @@ impl LossWatch {
         lost_s
     }
 
+    /// Whether the samples of a filter that was not watched are watched from this one on. Those before tell where the motion was, cycle by cycle.
+    fn begins(&mut self, rule: &Reacquisition, time_s: f64, sample: WatchedSample, mean: &[f64]) -> bool {
+        if time_s >= rule.from_s {
+            self.is_watched = true;
+            self.began.keep(time_s, mean);
+            return true;
+        }
+        // The sample that disturbs it is none of the motion.
+        self.is_watched =
+            matches!(sample, WatchedSample::Taken([.., nis]) if nis > DISTURBANCE * DISTURBANCE);
+        let has_begun = !self.began.time_s.is_nan();
+        if self.is_watched || (has_begun && time_s < self.began.time_s + 1.0 / rule.motion_hz) {
+            return false;
+        }
+        if has_begun {
+            self.held.keep(self.began.time_s, &self.began.mean);
+        }
+        self.began.keep(time_s, mean);
+        false
+    }
+
     /// Whether a start is to be sought before the next sample; it is taken for done then.
     pub(super) fn take_due(&mut self) -> bool {
         let is_due = std::mem::take(&mut self.is_due);
@@ -164,7 +191,7 @@ impl LossWatch {
 
     /// As numbers, for another run to go on from.
     pub(super) fn numbers(&self) -> Vec<f64> {
-        let flags = [self.is_due, self.is_misled].map(u32::from);
+        let flags = [self.is_due, self.is_misled, self.is_watched].map(u32::from);
         let counts = [self.age, self.next, self.in_a_row, self.left, self.cycles];
         let states = [&self.began, &self.held];
         let states = states
@@ -179,12 +206,12 @@ impl LossWatch {
     /// From such numbers, where they are those of a filter of so many states.
     pub(super) fn resumed(numbers: &[f64], states: usize) -> Self {
         let mut watch = Self::new(states);
-        let count = SignalWatch::NUMBERS + 10 + 2 * (states + 1);
+        let count = SignalWatch::NUMBERS + 11 + 2 * (states + 1);
         let (Some((of_signal, rest)), true) = (numbers.split_first_chunk(), numbers.len() == count) else {
             return watch;
         };
         let Some((rows, rest)) = rest.split_first_chunk::<3>() else { return watch };
-        let Some(([age, next, in_a_row, left, cycles, is_due, is_misled], rest)) = rest.split_first_chunk()
+        let Some(([age, next, in_a_row, left, cycles, flags @ ..], rest)) = rest.split_first_chunk::<8>()
         else {
             return watch;
         };
@@ -199,7 +226,7 @@ impl LossWatch {
         watch.signal = SignalWatch::resumed(*of_signal);
         (watch.age, watch.next, watch.in_a_row) = (count(age), count(next), count(in_a_row));
         (watch.left, watch.cycles) = (count(left), count(cycles));
-        (watch.is_due, watch.is_misled) = (*is_due != 0.0, *is_misled != 0.0);
+        [watch.is_due, watch.is_misled, watch.is_watched] = flags.map(|flag| flag != 0.0);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // counts
         let rows = rows.map(|rows| rows as usize);
         [watch.rows, watch.rows_of_cycle, watch.rows_shown] = rows;
@@ -251,6 +278,37 @@ mod tests {
         let all = searches(10_000, |k| (1000..1080).contains(&k));
         assert!(matches!(all[..], [k] if (1200..1261).contains(&k)), "{all:?}");
         assert!(searches(10_000, |_| false).is_empty());
+    }
+
+    /// A filter that leaves the signal unexplained while it settles, for the first 2000 samples, one of which may disturb it.
+    fn settles(disturbed_at: Option<u32>) -> Vec<u32> {
+        let rule = Reacquisition { from_s: 0.1, ..RULE };
+        let (mut watch, mut all) = (LossWatch::new(2), Vec::new());
+        for k in 0..2000 {
+            if watch.take_due() {
+                all.push(k);
+            }
+            let signal = (TAU * f64::from(k) / 40.0).sin();
+            let nis = if Some(k) == disturbed_at { 1.1e4 } else { 9.9e3 };
+            let values = WatchedSample::Taken([signal, signal, nis]);
+            watch.take(&rule, f64::from(k) * 5e-5, values, &[f64::from(k), 0.0]);
+            watch = LossWatch::resumed(&watch.numbers(), 2);
+        }
+        // A cycle is held that began undisturbed, of which the last is not yet known to have been so to its end.
+        let (held, until) = (watch.held().1[0], f64::from(disturbed_at.unwrap_or(2000)));
+        let is_recent = (until - 83.0..=until - 40.0).contains(&held);
+        assert!(if until < 40.0 { held.is_nan() } else { is_recent }, "{held} {until}");
+        all
+    }
+
+    #[test]
+    fn a_filter_that_settles_is_started_again_only_where_a_sample_has_disturbed_it() {
+        assert!(settles(None).is_empty());
+        for at in [0, 1, 17, 999] {
+            let all = settles(Some(at));
+            // The cycle in which it is found lost, and 120 rows.
+            assert!((at + 160..=at + 201).contains(&all[0]), "{at}: {all:?}");
+        }
     }
 
     #[test]

@@ -70,7 +70,7 @@ pub use known_state::{AnyKnownStateStep, KnownStateStep};
 pub use lock::is_the_only_one;
 pub use lock::{Lock, LockEvent, MotionRate, judge_lock};
 pub use lock_in::{LockInWindows, Swing, amplitude_of_line, inversion, lock_in};
-pub use loss_watch::Reacquisition;
+pub use loss_watch::{DISTURBANCE, Reacquisition};
 pub use model_alone::ModelAlone;
 pub use noise_estimate::NoiseEstimate;
 pub use over_rows::RowFilter;

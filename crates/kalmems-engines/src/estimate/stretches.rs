@@ -62,8 +62,8 @@ pub enum StretchAnswer<T> {
 }
 
 /// Decides what becomes of rows that cannot be estimated: a beginning that is refused is tried again with later rows, and what is left of a stretch
-/// is left out where no later beginning is accepted. A record in one piece has to be estimated, if not from its first row on; of several stretches
-/// some have to be. Samples that arrive are under no such rule.
+/// is left out where no later beginning is accepted. Some of each record has to be estimated, if not all of its stretches, and not each from its
+/// first row on. Samples that arrive are under no such rule.
 #[derive(Debug, Default)]
 pub struct StretchJudge {
     summary: StretchSummary,
@@ -74,9 +74,6 @@ pub struct StretchJudge {
     present: Option<SkippedStretch>,
     next: NextRows,
     record: RecordTally,
-    /// What was refused first of all, and whether anything was estimated.
-    first: Option<EstimateError>,
-    estimated: bool,
 }
 
 /// What the rows are that come next.
@@ -94,8 +91,7 @@ enum NextRows {
 /// The present record.
 #[derive(Debug, Default)]
 struct RecordTally {
-    stretches: usize,
-    /// Whether some of it was estimated, and why what was not.
+    /// Whether some of it was estimated, and why the first rows of it were not that were refused.
     estimated: bool,
     error: Option<EstimateError>,
 }
@@ -106,8 +102,7 @@ impl StretchJudge {
         Self { is_live: true, ..Self::default() }
     }
 
-    /// Whether a part belongs to a stretch that is left out; it comes before the estimator is asked. An error is that of a
-    /// record in one piece before it.
+    /// Whether a part belongs to a stretch that is left out; it comes before the estimator is asked. An error is that of the record before it.
     pub fn leaves_out(&mut self, part: &SegmentPart) -> Result<bool, EstimateError> {
         let begins_again = part.begins && self.begins_again();
         if begins_again {
@@ -119,7 +114,6 @@ impl StretchJudge {
             } else {
                 self.end_record()?;
             }
-            self.record.stretches += 1;
         }
         let is_left_out = self.next == NextRows::LeftOut;
         if is_left_out {
@@ -143,7 +137,7 @@ impl StretchJudge {
         let error = match take(part) {
             Ok(answer) => {
                 self.end_stretch();
-                (self.estimated, self.record.estimated) = (true, true);
+                self.record.estimated = true;
                 return Ok(StretchAnswer::Estimated(answer));
             }
             Err(error) if error.is_of_the_samples() && (part.begins || self.is_live) => error,
@@ -198,25 +192,17 @@ impl StretchJudge {
         }
     }
 
-    /// The record is over; refused where it is in one piece of which nothing was estimated.
+    /// The record is over; refused where nothing of it was estimated.
     fn end_record(&mut self) -> Result<(), EstimateError> {
-        let RecordTally { stretches, estimated, error } = std::mem::take(&mut self.record);
-        let Some(error) = error.filter(|_| !estimated) else { return Ok(()) };
-        if stretches == 1 && !self.is_live {
-            return Err(error);
-        }
-        self.first.get_or_insert(error);
-        Ok(())
+        let RecordTally { estimated, error } = std::mem::take(&mut self.record);
+        error.filter(|_| !(estimated || self.is_live)).map_or(Ok(()), Err)
     }
 
-    /// What is known of all of them, at the end; refused where none could be estimated, unless samples arrive.
+    /// What is known of all of them, at the end; refused where the last record could not be estimated.
     pub fn finish(mut self) -> Result<StretchSummary, EstimateError> {
         self.end_stretch();
         self.end_record()?;
-        match self.first {
-            Some(error) if !(self.estimated || self.is_live) => Err(error),
-            _ => Ok(self.summary),
-        }
+        Ok(self.summary)
     }
 }
 

@@ -222,6 +222,9 @@ pub struct SampleCounts {
     /// Samples of the beginning that told where the filter starts: not corrected by once more.
     #[serde(skip_serializing_if = "is_zero")]
     pub for_start: usize,
+    /// How often the filter was started again while it settles, as a sample had disturbed it.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub restarted: usize,
     /// Samples after the settling time at which the signal is lost or the filter settles again: no part of the figures.
     #[serde(skip_serializing_if = "is_zero")]
     pub lost: usize,
@@ -245,6 +248,7 @@ impl SampleCounts {
         self.drive_bends += later.drive_bends;
         self.unresolved_kinks += later.unresolved_kinks;
         self.for_start += later.for_start;
+        self.restarted += later.restarted;
         self.lost += later.lost;
         self.crossings += later.crossings;
         self.crossings_refused += later.crossings_refused;

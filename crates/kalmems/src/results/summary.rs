@@ -615,6 +615,11 @@ fn sentences(estimator: &EstimatorMetrics, sign_is_hidden: bool) -> Vec<Notice> 
             "",
         ),
         (
+            counts.restarted,
+            "new starts from the signal while the filter settled, as a sample had disturbed it and it lost the signal",
+            "outliers",
+        ),
+        (
             counts.crossings_refused,
             "crossings that the gate rejected, which did not correct the filter",
             "outliers",

@@ -2,7 +2,7 @@
 
 use super::supervision::{FilterHealth, LockState};
 use crate::estimate::{
-    GateTurn, LockEvent, PassedMark, PredictedPhase, RecordedPassing, StateSeries, Trajectory,
+    DISTURBANCE, GateTurn, LockEvent, PassedMark, PredictedPhase, RecordedPassing, StateSeries, Trajectory,
 };
 use crate::signal::hermite;
 use serde::Serialize;
@@ -87,6 +87,11 @@ pub enum Event {
         /// The innovation in standard deviations.
         size: f64,
     },
+    /// A filter that was disturbed while it settles did not explain the signal any more, and is started again from it.
+    Restarted {
+        /// The time in s of the sample that it corrected first.
+        time_s: f64,
+    },
     /// Too many samples were rejected: all are taken again until the filter follows them.
     GateOpens {
         /// When, in s.
@@ -132,6 +137,7 @@ impl Event {
             | Self::DeviceEvent { time_s, .. }
             | Self::Rejected { time_s, .. }
             | Self::Disturbed { time_s, .. }
+            | Self::Restarted { time_s }
             | Self::GateOpens { time_s }
             | Self::GateCloses { time_s }
             | Self::Alarm { time_s, .. }
@@ -174,9 +180,6 @@ const BY_CHANCE: f64 = 1e-9;
 /// A zero phase is told where the rate is at least so many of its standard deviations. The amplitude is as many of its own then, and a filter
 /// that is right finds as much in noise once in 3·10⁵ times.
 const DISTINCT: f64 = 5.0;
-
-/// The innovation in standard deviations from which on a sample is told that disturbs a filter that settles.
-const DISTURBANCE: f64 = 100.0;
 
 /// Watches one trajectory.
 pub struct TrajectoryWatch {
@@ -322,6 +325,11 @@ impl TrajectoryWatch {
                 self.disturbed = self.disturbed.saturating_sub(1);
             }
         }
+        // A start after a stop, and one of a settled filter, are events of the lock.
+        let is_own =
+            |time_s: f64| time_s < from_s && trajectory.stops.iter().all(|stop| stop.until_s != time_s);
+        let restarts = trajectory.restarts.iter().map(|restart| restart.time_s);
+        events.extend(restarts.filter(|time_s| is_own(*time_s)).map(|time_s| Event::Restarted { time_s }));
         self.stopped = trajectory.failure.is_some();
         events.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
         events

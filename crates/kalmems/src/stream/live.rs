@@ -13,7 +13,7 @@ use super::supervision::{FilterHealth, Health, Heartbeat, StreamEvent};
 use super::{AheadSummary, StreamError, StreamSummary};
 use crate::estimate::{
     EstimateError, MotionRate, Past, PhasePredictionCounts, SegmentEstimate, SegmentPart, StretchAnswer,
-    StretchJudge, StretchSummary, Trajectory,
+    StretchJudge, StretchSummary, Trajectory, TrajectoryKind,
 };
 use crate::progress::Progress;
 use crate::recording::{self, Finding, ReadError, Stretch, Stretches};
@@ -141,6 +141,9 @@ impl<'a> LiveEstimate<'a> {
             ends_with_estimate: false,
             stretches: StretchSummary::default(),
             events: 0,
+            stopped: 0,
+            disturbed: 0,
+            restarted: 0,
             noise_only: 0,
             withheld: 0,
             crossings_by_fallback: 0,
@@ -566,7 +569,7 @@ impl<'a> LiveEstimate<'a> {
             let mut events = watch.look(trajectory, angles, from_s);
             self.summary.withheld += watch.take_withheld();
             self.withhold(&mut events, is_noise);
-            self.summary.events += events.len() as u64;
+            self.count(trajectory.kind, &events);
             self.writer.events(Some(&trajectory.key), &events)?;
         }
         self.judged.take(estimate);
@@ -584,6 +587,19 @@ impl<'a> LiveEstimate<'a> {
         self.summary.estimated += estimated as u64;
         self.summary.not_estimated += (rows - estimated) as u64;
         self.writer.flush()
+    }
+
+    /// Counts what happened in an answer; a smoother says of its filter what that says itself.
+    fn count(&mut self, kind: TrajectoryKind, events: &[Event]) {
+        self.summary.events += events.len() as u64;
+        for event in events.iter().filter(|_| kind != TrajectoryKind::Smoothed) {
+            match event {
+                Event::Stopped { .. } => self.summary.stopped += 1,
+                Event::Disturbed { .. } => self.summary.disturbed += 1,
+                Event::Restarted { .. } => self.summary.restarted += 1,
+                _ => {}
+            }
+        }
     }
 
     /// Drops what cannot be told of a signal that is noise alone, and counts it.

@@ -131,6 +131,15 @@ pub struct StreamSummary {
     pub stretches: StretchSummary,
     /// Events, by what happened.
     pub events: u64,
+    /// How often a filter stopped, its state or covariance being no number.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub stopped: u64,
+    /// How often a sample disturbed a filter that settles.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub disturbed: u64,
+    /// How often such a filter was started again from the signal.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub restarted: u64,
     /// Times at which the signal was found to be only noise.
     pub noise_only: u64,
     /// Zero phases and crossings that were not told while it was, and zero phases of a motion that a filter cannot tell from noise.

@@ -172,7 +172,14 @@ impl Order {
     fn take_sorted(&mut self, sample: StreamSample, each: &mut dyn FnMut(OrderedEvent)) {
         let each = &mut |event| each(event);
         self.take(sample, each);
-        self.pass_held(each);
+        // What the first one is, and one far ahead, those that follow it tell.
+        while self
+            .passed
+            .zip(self.held.front())
+            .is_some_and(|(passed, (next, _))| !self.is_far(passed, *next))
+        {
+            self.pass(each);
+        }
     }
 
     /// Says that what comes next does not go on from what came, of which nothing is waited for any more.
@@ -235,12 +242,31 @@ impl Order {
         if self.ahead.is_empty() {
             self.since = 0;
         }
-        insert(&mut self.ahead, place, sample, &mut self.counts);
+        if let Some(at) = insert(&mut self.ahead, place, sample, &mut self.counts)
+            && self.ahead.get(at + 1).is_some_and(|(next, _)| self.is_far(place, *next))
+        {
+            // It is not late behind one that may be misplaced.
+            self.counts.late = self.counts.late.saturating_sub(1);
+        }
         if self.ahead.len() > self.settings.wait {
+            if self.first_is_misplaced() {
+                self.held.clear();
+                self.counts.misplaced += 1;
+            }
             self.pass_held(each);
             self.held = std::mem::take(&mut self.ahead);
             self.pass_ready(each);
         }
+    }
+
+    /// Whether the first sample of all is far behind those whose numbers follow its own at once.
+    fn first_is_misplaced(&self) -> bool {
+        let number = |samples: &VecDeque<(SamplePlace, StreamSample)>| samples.front()?.1.sequence;
+        let follows = |first: u64, next: u64| next == 0 || next == first.wrapping_add(1);
+        let numbers = number(&self.held).zip(number(&self.ahead));
+        self.passed.is_none()
+            && self.held.len() == 1
+            && numbers.is_some_and(|(first, next)| follows(first, next))
     }
 
     /// What came first and lies far ahead of what came after it was not on the course.
@@ -522,6 +548,31 @@ mod tests {
         order.finish(&mut each);
         let counts = order.counts();
         assert_eq!((counts.passed, counts.misplaced, counts.dropped), (100, 1, 0));
+    }
+
+    #[test]
+    fn one_time_that_is_far_off_is_left_out_of_frames_that_count_wherever_it_is() {
+        // By itself, and with a gap that follows it soon.
+        let places = [(0, 1000), (1, 1000), (500, 1000), (999, 1000), (5, 7), (500, 503)];
+        for ((place, gap), time_s) in places.into_iter().flat_map(|place| [(place, 1e5), (place, -3.0)]) {
+            let mut order = ordering(4, Some(8));
+            let mut times = Vec::new();
+            let mut each = |next| match next {
+                OrderedEvent::Sample(StreamSample { numbers, .. }) => times.push(numbers[0]),
+                OrderedEvent::Restart { .. } => panic!("{place} {time_s}"),
+            };
+            let expected = |number: u64| (number != place).then_some(number as f64 * 1e-6);
+            let sent = || (0..gap).chain(gap + 60..1060);
+            for number in sent() {
+                let numbers = vec![expected(number).unwrap_or(time_s)];
+                order.take(StreamSample { sequence: Some(number & 0xff), numbers }, &mut each);
+            }
+            order.finish(&mut each);
+            assert_eq!(times, sent().filter_map(expected).collect::<Vec<_>>(), "{place} {time_s}");
+            let OrderCounts { misplaced, dropped, late, .. } = order.counts();
+            let missing = if gap < 1000 { 60 } else { 0 };
+            assert_eq!((misplaced, dropped, late), (1, missing, 0), "{place} {time_s}");
+        }
     }
 
     #[test]
