@@ -3,6 +3,8 @@
 //! The devices, their noises and starts are those with which the step was chosen, their drives straight between the samples. The recordings are simulated here, in classical
 //! Runge–Kutta steps of a fraction of the sampling interval, by equations that are written down a second time.
 
+use crate::events::recorded;
+use crate::parts::same_bits_in_parts;
 use kalmems::config::Experiment;
 use kalmems::estimate::Trajectory;
 use kalmems::evaluate::Grade;
@@ -109,8 +111,13 @@ impl<const N: usize, const M: usize> Device<N, M> {
         std::fs::write(folder.join("reference.csv"), reference).unwrap();
     }
 
-    /// An experiment with a filter for each of these lines.
+    /// An experiment with an EKF for each of these lines.
     pub fn experiment(&self, folder: &Path, lines: &[&str]) -> Experiment {
+        self.experiment_by("ekf", folder, lines)
+    }
+
+    /// The same with filters of another method.
+    fn experiment_by(&self, method: &str, folder: &Path, lines: &[&str]) -> Experiment {
         let mut channels: Vec<String> = (0..M).map(|k| format!("signal{k} = \"signal{k}_V\"")).collect();
         if self.is_driven {
             channels.push("drive = \"drive_V\"".to_owned());
@@ -139,7 +146,7 @@ impl<const N: usize, const M: usize> Device<N, M> {
         for (i, lines) in lines.iter().enumerate() {
             writeln!(
                 text,
-                "[[estimate.filter]]\nname = \"f{i}\"\nmethod = \"ekf\"\nstart = {{ {} }}\nstart_sd = {{ {} }}\n{lines}",
+                "[[estimate.filter]]\nname = \"f{i}\"\nmethod = \"{method}\"\nstart = {{ {} }}\nstart_sd = {{ {} }}\n{lines}",
                 values(&self.start),
                 values(&self.start_sd),
             )
@@ -151,13 +158,13 @@ impl<const N: usize, const M: usize> Device<N, M> {
 
     /// The worst state's root mean square of mean minus converged mean in claimed standard deviations, and the claims' largest
     /// relative difference, for each number of steps; with what the watch says of the first.
-    fn errors(&self, samples: usize, steps: &[usize], converged: usize) -> Vec<StepResult> {
+    fn errors(&self, method: &str, samples: usize, steps: &[usize], converged: usize) -> Vec<StepResult> {
         let folder = tempfile::tempdir().unwrap();
         self.record(folder.path(), samples, 1);
         let lines: Vec<String> =
             steps.iter().chain([&converged]).map(|steps| format!("steps = {steps}")).collect();
         let lines: Vec<&str> = lines.iter().map(String::as_str).collect();
-        let experiment = self.experiment(folder.path(), &lines);
+        let experiment = self.experiment_by(method, folder.path(), &lines);
         let outcome = workflow::estimate(published(), &experiment, &Silent).unwrap();
         let watched: Vec<Option<f64>> = Metrics::of(&outcome)
             .estimators()
@@ -593,8 +600,18 @@ fn within<const N: usize, const M: usize>(
     samples: usize,
     limits: &[(usize, f64)],
 ) -> Vec<StepResult> {
+    within_by("ekf", name, device, (samples, limits))
+}
+
+/// The same of filters of another method.
+fn within_by<const N: usize, const M: usize>(
+    method: &str,
+    name: &str,
+    device: &Device<N, M>,
+    (samples, limits): (usize, &[(usize, f64)]),
+) -> Vec<StepResult> {
     let steps: Vec<usize> = limits.iter().map(|(steps, _)| *steps).collect();
-    let found = device.errors(samples, &steps, 32);
+    let found = device.errors(method, samples, &steps, 32);
     for (one, (steps, _)) in found.iter().zip(limits) {
         println!(
             "{name}, {steps} steps: error {:.2e} sd, claim {:.1e}, watch {:?}",
@@ -664,6 +681,30 @@ fn the_watch_tells_how_large_the_error_of_a_step_is() {
         let watched = one.watched.unwrap();
         assert!((watched / one.error - 1.0).abs() < 0.15, "{per_cycle} a cycle: {one:?}");
     }
+}
+
+/// Each method against converged steps of its own, within the limits of the EKF.
+#[test]
+fn other_filters_take_the_same_step() {
+    for method in ["square_root_ekf", "iterated_ekf", "ukf", "square_root_ukf"] {
+        let of_scanner = &[(1, 0.06), (2, 0.005)];
+        within_by(method, "scanner at 26", &scanner(26.0, 1e4, Between::Straight), (5_000, of_scanner));
+        within_by(method, "stiffening at 44 kHz", &stiffening(44e3), (2_000, &[(4, 0.01)]));
+        within_by(method, "thermal", &thermal(), (5_000, &[(1, 0.012)]));
+    }
+}
+
+#[test]
+fn steps_whose_linear_part_follows_the_state_have_the_same_bits_in_parts() {
+    fn check<const N: usize, const M: usize>(device: &Device<N, M>) {
+        let folder = tempfile::tempdir().unwrap();
+        device.record(folder.path(), 3_000, 3);
+        let experiment = device.experiment(folder.path(), &["", "steps = 2"]);
+        same_bits_in_parts(&experiment, &recorded(&experiment), &[137, 1_100]);
+    }
+    check(&stiffening(44e3));
+    check(&ring_of_unknown_resonance());
+    check(&thermal());
 }
 
 #[test]
