@@ -23,8 +23,8 @@ use std::time::Duration;
 
 /// Connections at one time; a browser opens six.
 const MOST_CONNECTIONS: usize = 32;
-/// How long an answer may wait for its reader.
-const SILENCE: Duration = Duration::from_secs(15);
+/// Bytes of an answer that a reader has to take in a second, beyond those that it takes within the patience for a request.
+const SLOWEST: u64 = 1 << 20;
 /// How long what comes behind a refusal is read.
 const LEFTOVER: Duration = Duration::from_secs(1);
 /// How often it is looked whether to end.
@@ -39,15 +39,17 @@ struct Site {
     /// What stands in its place for the files of one result, of which a page may know.
     of_results: Mutex<BTreeMap<String, Vec<OsString>>>,
     port: u16,
-    /// How long a request may take to come.
+    /// How long a request may take to come, and an answer to be taken, longer by a second for each so many bytes.
     patience: Duration,
+    slowest: u64,
     connections: AtomicUsize,
 }
 
 impl Site {
     fn new(folder: PathBuf, token: String, port: u16) -> Self {
         let (of_results, connections) = (Mutex::default(), AtomicUsize::new(0));
-        Self { folder, token, of_results, port, patience: request::PATIENCE, connections }
+        let (patience, slowest) = (request::PATIENCE, SLOWEST);
+        Self { folder, token, of_results, port, patience, slowest, connections }
     }
 
     /// The token of the files of the result in a folder below, by its steps; a new one where it was not asked for yet.
@@ -114,9 +116,7 @@ fn serve(listener: &TcpListener, site: &Arc<Site>, stop: &dyn Fn() -> bool) -> i
 /// Answers a connection on a thread of its own, where there are not too many of them.
 fn take(connection: TcpStream, site: &Arc<Site>) {
     let place = Place::among(site);
-    let is_ready =
-        connection.set_write_timeout(Some(SILENCE)).is_ok() && connection.set_nodelay(true).is_ok();
-    if !is_ready {
+    if connection.set_nodelay(true).is_err() {
         return;
     }
     let Some(place) = place else {
@@ -149,8 +149,10 @@ fn answer(connection: &TcpStream, Place(site): &Place) {
     match Request::read(Deadline::after(connection, site.patience)) {
         Ok(request) => {
             let is_head = request.is_head;
+            let answer = answer_to(&request, site);
+            let patience = site.patience + Duration::from_secs(answer.length() / site.slowest);
             // Who closes the connection early has what it wanted.
-            let _ = answer_to(&request, site).send(connection, is_head);
+            let _ = answer.send(Deadline::after(connection, patience), is_head);
         }
         Err(RequestError::Refused(status)) => refuse(connection, status, LEFTOVER),
         Err(RequestError::Gone) => {}
@@ -158,7 +160,7 @@ fn answer(connection: &TcpStream, Place(site): &Place) {
 }
 
 fn refuse(connection: &TcpStream, status: Status, patience: Duration) {
-    let _ = HttpAnswer::refusal(status).send(connection, false);
+    let _ = HttpAnswer::refusal(status).send(Deadline::after(connection, patience), false);
     let _ = connection.shutdown(std::net::Shutdown::Write);
     // A connection that is closed with unread bytes in it is reset, and what was answered is lost.
     let mut rest = Deadline::after(connection, patience);

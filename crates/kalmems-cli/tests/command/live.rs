@@ -255,6 +255,16 @@ fn a_stream_says_at_its_beginning_that_its_samples_come_faster_than_they_can_be_
     let [event] = &events[..] else { panic!("{events:?}") };
     assert_eq!(event["rate_hz"], 1e6);
     assert!(event["time_s"].as_f64().is_some_and(|time_s| time_s < 0.024), "{event}");
+    // Those of the piston mirror's example can, but for what other work on the machine holds up.
+    let recording = fs::read(example("../piston_mirror/recording.csv")).unwrap();
+    let holds = || {
+        ["too_slow", "behind"].into_iter().all(|name| {
+            let (code, events) = events_from_tcp(&example("../piston_mirror/stream.toml"), &recording, name);
+            assert_eq!(code, Some(0));
+            events.is_empty()
+        })
+    };
+    assert!((0..4).any(|_| holds()));
 }
 
 /// A hang-up completes the files; the experiment is not read again, and no sample is lost.
@@ -402,6 +412,32 @@ fn a_listener_leaves_a_silent_client_after_the_idle_limit() {
     assert_eq!((&summary["estimated"], &summary["received"]["breaks"]), (&24_001.into(), &1.into()));
     let lines = lines.join().unwrap();
     assert!(lines.contains("\"event\":\"disconnected\",\"why\":\"no sample came for 0.3 s\""), "{rest}");
+    drop(silent);
+}
+
+/// Without an idle limit as well, a client that never sends a sample holds a listener for ten seconds.
+#[test]
+#[ignore = "long: `.ci/run --all` runs it"]
+fn long_a_listener_leaves_a_client_that_is_silent_from_the_beginning() {
+    let mut child = kalmems(&example("stream.toml"))
+        .args(["--json", "--from", "listen://127.0.0.1:0"])
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    said.read_line(&mut line).unwrap();
+    let address = line.trim().rsplit(' ').next().unwrap();
+    let silent = TcpStream::connect(address).unwrap();
+    let begun = Instant::now();
+    let mut other = TcpStream::connect(address).unwrap();
+    other.write_all(&[&fs::read(example("recording.csv")).unwrap()[..], b"# end\n"].concat()).unwrap();
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0), "{rest}");
+    assert!((9..60).contains(&begun.elapsed().as_secs()), "{:?}", begun.elapsed());
+    let summary: serde_json::Value = serde_json::from_str(&rest[rest.find('{').unwrap()..]).unwrap();
+    assert_eq!((&summary["estimated"], &summary["received"]["turned_away"]), (&24_001.into(), &1.into()));
     drop(silent);
 }
 

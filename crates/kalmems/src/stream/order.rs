@@ -245,7 +245,7 @@ impl Order {
         if let Some(at) = insert(&mut self.ahead, place, sample, &mut self.counts)
             && self.ahead.get(at + 1).is_some_and(|(next, _)| self.is_far(place, *next))
         {
-            // It is not late behind one that may be misplaced.
+            // A sample before one that may be misplaced is not late.
             self.counts.late = self.counts.late.saturating_sub(1);
         }
         if self.ahead.len() > self.settings.wait {
@@ -259,7 +259,7 @@ impl Order {
         }
     }
 
-    /// Whether the first sample of all is far behind those whose numbers follow its own at once.
+    /// Whether the first sample of all is far before those whose numbers follow its own at once.
     fn first_is_misplaced(&self) -> bool {
         let number = |samples: &VecDeque<(SamplePlace, StreamSample)>| samples.front()?.1.sequence;
         let follows = |first: u64, next: u64| next == 0 || next == first.wrapping_add(1);

@@ -16,6 +16,12 @@ pub const SYNC_AHEAD: [u8; 4] = *b"kmZp";
 /// What the frame begins with that tells where the times of all others count from.
 pub const SYNC_ORIGIN: [u8; 4] = *b"kmOr";
 
+/// What the frame begins with that follows an estimate without a number, and says why.
+pub const SYNC_REASON: [u8; 4] = *b"kmNo";
+
+/// The reasons why an estimate has no number ([`Trajectory::reason_without_estimate`]); in a frame the place among them, from 1 on.
+pub const REASONS: [&str; 3] = ["stopped", "no_signal", "not_known"];
+
 /// Bytes of a frame before its values.
 const HEAD: usize = 8;
 
@@ -87,7 +93,8 @@ impl StreamWriter {
     ///
     /// A line is the answer's key, the time, and mean and standard deviation of each state in SI, separated by commas; a
     /// cell is empty where there is no number, and a line without any number ends with the reason. A frame is [`SYNC`], the answer's place (u16), the number of values (u16), and
-    /// these values as f64, little-endian: the time, and mean and standard deviation of each state.
+    /// these values as f64, little-endian: the time, and mean and standard deviation of each state. One without any number is followed by a frame
+    /// [`SYNC_REASON`] with the time and the reason, by its place among [`REASONS`] from 1 on.
     pub(super) fn estimates(&mut self, trajectories: &[Trajectory]) -> io::Result<()> {
         self.samples.resize(trajectories.len(), self.before);
         for (place, trajectory) in trajectories.iter().enumerate() {
@@ -144,6 +151,7 @@ impl StreamWriter {
             self.values.push(of(&state.mean));
             self.values.push(of(&state.sd));
         }
+        let reason = trajectory.reason_without_estimate(k);
         if let Some(lines) = &mut self.outputs.lines {
             self.line.clear();
             write!(self.line, "{},{}", trajectory.key, trajectory.time_s[k])?;
@@ -154,13 +162,17 @@ impl StreamWriter {
                     write!(self.line, ",")?;
                 }
             }
-            if let Some(reason) = trajectory.reason_without_estimate(k) {
+            if let Some(reason) = reason {
                 write!(self.line, ",{reason}")?;
             }
             self.line.push(b'\n');
             lines.write_all(&self.line)?;
         }
-        self.frame(SYNC, place)
+        self.frame(SYNC, place)?;
+        let Some(number) = REASONS.iter().position(|word| Some(*word) == reason) else { return Ok(()) };
+        self.values.truncate(1);
+        self.values.push((number + 1) as f64);
+        self.frame(SYNC_REASON, place)
     }
 
     /// Says once what the columns are, answer by answer.
@@ -175,7 +187,9 @@ impl StreamWriter {
             }
             names.push('\n');
         }
-        names += "# a line without numbers ends with the reason: stopped, no_signal or not_known\n";
+        let [reasons @ .., last] = REASONS;
+        names +=
+            &format!("# a line without numbers ends with the reason: {} or {last}\n", reasons.join(", "));
         names += "# event,what happened, as JSON\n";
         lines.write_all(names.as_bytes())
     }
@@ -235,4 +249,57 @@ fn write_events(output: &mut impl Write, key: Option<&str>, events: &[impl Seria
         output.write_all(format!("event,{value}\n").as_bytes())?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::TrajectoryKind;
+    use crate::units::kind;
+    use std::cell::RefCell;
+    use std::rc::Rc;
+
+    #[derive(Clone, Default)]
+    struct Bytes(Rc<RefCell<Vec<u8>>>);
+
+    impl Write for Bytes {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.borrow_mut().extend_from_slice(bytes);
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn an_estimate_without_a_number_says_why_among_lines_and_frames() {
+        let (lines, frames) = (Bytes::default(), Bytes::default());
+        let outputs = StreamOutputs {
+            lines: Some(Box::new(lines.clone())),
+            frames: Some(Box::new(frames.clone())),
+            ..StreamOutputs::default()
+        };
+        let (time_s, signal) = ([0.5, 0.75, 1.0], [1.0, f64::NAN, 1.0]);
+        let states = [("angle", "rad", &kind::ANGLE)];
+        let samples = (&time_s[..], &signal[..], &(0..3));
+        let mut trajectory = Trajectory::blank(("ekf", "EKF"), TrajectoryKind::Filtered, samples, &states);
+        (trajectory.states[0].mean[0], trajectory.states[0].sd[0]) = (0.25, 0.125);
+        StreamWriter::new(outputs, 1).estimates(&[trajectory]).unwrap();
+        let lines = String::from_utf8(lines.0.take()).unwrap();
+        assert_eq!(lines, "ekf,0.5,2.5e-1,1.25e-1\nekf,0.75,,,no_signal\nekf,1,,,not_known\n");
+        let (mut rest, mut found) = (&frames.0.take()[..], Vec::new());
+        while let Some((head, values)) = rest.split_first_chunk::<HEAD>() {
+            let (values, after) = values.split_at(8 * usize::from(head[6]));
+            let number = |bytes: &[u8]| f64::from_le_bytes(bytes.try_into().unwrap());
+            found.push((head[..4].to_vec(), values.chunks(8).map(number).collect::<Vec<f64>>()));
+            rest = after;
+        }
+        let of = |sync: &[u8], values: &[f64]| (sync.to_vec(), values.to_vec());
+        assert_eq!(found[0], of(b"kmEs", &[0.5, 0.25, 0.125]));
+        assert!(found[1].1[0] == 0.75 && found[1].1[1..].iter().all(|value| value.is_nan()));
+        assert_eq!(found[2], of(b"kmNo", &[0.75, 2.0]));
+        assert_eq!((found[4].clone(), found.len()), (of(b"kmNo", &[1.0, 3.0]), 5));
+    }
 }

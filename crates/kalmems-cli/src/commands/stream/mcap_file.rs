@@ -1,7 +1,7 @@
 //! Estimates and events as an MCAP file, which Foxglove and other programs open: a channel of JSON with its schema for each answer, and one for events.
 
 use super::mcap_writer::{MAGIC, McapWriter};
-use super::messages::{MessageReader, StreamMessage};
+use super::messages::{MessageReader, REASON, StreamMessage};
 use super::rotation::{FileRotation, FileSeries};
 use crate::CommandEnding;
 use serde_json::{Map, Value, json};
@@ -137,7 +137,7 @@ impl Open {
         let channel = if let Some(channel) = self.channels.get(topic) {
             *channel
         } else {
-            let schema = serde_json::to_vec(&schema(topic, content))?;
+            let schema = serde_json::to_vec(&schema(topic, self.reader.columns(topic)))?;
             let channel = self.writer.announce(&format!("/{topic}"), &format!("kalmems.{topic}"), &schema);
             self.channels.insert(topic.to_owned(), channel);
             channel
@@ -151,13 +151,16 @@ impl Open {
     }
 }
 
-/// The schema of a channel by its first message. A value that is no number in a later message is left out there, so that all but the time may be missing.
-fn schema(topic: &str, content: &Value) -> Value {
+/// The schema of a channel. A value that is no number in a message is left out there, so that all but the time may be missing.
+fn schema(topic: &str, columns: &[String]) -> Value {
     if topic == EVENTS {
         return json!({ "title": "event", "type": "object" });
     }
-    let properties: Map<String, Value> = (content.as_object().into_iter().flatten())
-        .map(|(name, _)| (name.clone(), json!({ "type": "number" })))
+    let property = |name: &str, kind: &str| (name.to_owned(), json!({ "type": kind }));
+    let columns = columns.iter().map(|name| property(name, "number"));
+    let properties: Map<String, Value> = std::iter::once(property("time_s", "number"))
+        .chain(columns)
+        .chain([property(REASON, "string")])
         .collect();
     json!({ "title": topic, "type": "object", "properties": properties, "required": ["time_s"] })
 }
@@ -232,6 +235,9 @@ pub(super) mod tests {
                     assert_eq!((&*schema.encoding, &*channel.message_encoding), ("jsonschema", "json"));
                     let schema: Value = serde_json::from_slice(&schema.data).unwrap();
                     assert_eq!(schema["type"], "object");
+                    let property = |name: &str| &schema["properties"][name]["type"];
+                    assert!(*channel.topic == *"/events" || property("reason") == "string", "{schema}");
+                    assert!(*channel.topic == *"/events" || property("angle_rad") == "number", "{schema}");
                     let content = serde_json::from_slice(data).unwrap();
                     found.push((channel.topic.clone(), header.log_time, content));
                 }
@@ -248,7 +254,7 @@ pub(super) mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");
         let file = McapFile::begin(&path, (false, FileRotation::default())).unwrap();
-        let text = "# ekf,time_s,angle_rad,angle_sd_rad\norigin,1700000000.25\nekf,-0.25,1e-1,\nekf,0.5,2e-1,3e-3\n\
+        let text = "# ekf,time_s,angle_rad,angle_sd_rad\norigin,1700000000.25\nekf,-0.5,,,not_known\nekf,-0.25,1e-1,\nekf,0.5,2e-1,3e-3\n\
                     event,{\"event\":\"zero_phase\",\"time_s\":0.625}\nevent,{\"event\":\"ended\"}\nekf,-1800000000,1,1\n";
         for piece in text.as_bytes().chunks(11) {
             file.clone().write_all(piece).unwrap();
@@ -256,15 +262,16 @@ pub(super) mod tests {
         assert_eq!(file.finish().unwrap(), 1);
         let bytes = std::fs::read(&path).unwrap();
         assert!(is_own(&bytes[..100]) && !is_own(b"\x89MCAP0\r\n of others"));
-        let start = 1_700_000_000_000_000_000;
+        let start = 1_699_999_999_750_000_000;
         let own = |topic: &str, ns: u64, value| (topic.to_owned(), start + ns, value);
         assert_eq!(
             messages(&bytes),
             [
-                own("/ekf", 0, json!({ "time_s": -0.25, "angle_rad": 0.1 })),
-                own("/ekf", 750_000_000, json!({ "time_s": 0.5, "angle_rad": 0.2, "angle_sd_rad": 0.003 })),
-                own("/events", 875_000_000, json!({ "event": "zero_phase", "time_s": 0.625 })),
-                own("/events", 875_000_000, json!({ "event": "ended" })),
+                own("/ekf", 0, json!({ "time_s": -0.5, "reason": "not_known" })),
+                own("/ekf", 250_000_000, json!({ "time_s": -0.25, "angle_rad": 0.1 })),
+                own("/ekf", 1_000_000_000, json!({ "time_s": 0.5, "angle_rad": 0.2, "angle_sd_rad": 0.003 })),
+                own("/events", 1_125_000_000, json!({ "event": "zero_phase", "time_s": 0.625 })),
+                own("/events", 1_125_000_000, json!({ "event": "ended" })),
             ]
         );
     }

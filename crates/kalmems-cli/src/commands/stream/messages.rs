@@ -8,7 +8,7 @@ use std::collections::HashMap;
 pub enum StreamMessage {
     /// Where times count from, in seconds since 1970 or of whatever clock the samples have.
     Origin(f64),
-    /// An answer at a time, with the values that are numbers by the names of their columns.
+    /// An answer at a time, with the values that are numbers by the names of their columns; without any, with the reason as [`REASON`].
     Estimate {
         /// The answer's key.
         key: String,
@@ -18,6 +18,9 @@ pub enum StreamMessage {
     /// What happened, and when, where it has a time.
     Event { time_s: Option<f64>, event: Value },
 }
+
+/// The name of the reason why an answer has no number at a time, among the names of its columns.
+pub const REASON: &str = "reason";
 
 /// Makes messages of lines, however they are cut.
 #[derive(Default)]
@@ -41,6 +44,11 @@ impl MessageReader {
         }
     }
 
+    /// The columns of an answer after its time.
+    pub fn columns(&self, key: &str) -> &[String] {
+        self.columns.get(key).map_or(&[], Vec::as_slice)
+    }
+
     fn message(&mut self, line: &str) -> Option<StreamMessage> {
         if let Some(header) = line.strip_prefix("# ") {
             let mut names = header.split(',');
@@ -61,9 +69,12 @@ impl MessageReader {
         let columns = self.columns.get(key)?;
         let mut cells = rest.split(',');
         let time_s = cells.next()?.parse().ok()?;
-        let values = (columns.iter().zip(cells))
+        let mut values: Map<_, _> = (columns.iter().zip(cells.by_ref()))
             .filter_map(|(name, cell)| Some((name.clone(), json!(cell.parse::<f64>().ok()?))))
             .collect();
+        if let Some(reason) = cells.next() {
+            values.insert(REASON.to_owned(), json!(reason));
+        }
         Some(StreamMessage::Estimate { key: key.to_owned(), time_s, values })
     }
 }

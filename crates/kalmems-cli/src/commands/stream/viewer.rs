@@ -14,7 +14,7 @@ pub const USUAL: &str = "127.0.0.1:9870";
 /// Takes the lines of a stream and sends a datagram for each estimate and event.
 ///
 /// An estimate is `{"timestamp": seconds, "<answer>": {"<column>": number, …}}` with the columns that its header names; what is
-/// not a number is left out. Where the times do not count from zero, `{"timestamp": 0.0, "origin_s": …}` comes first. An event is `{"timestamp": …, "event": {…}}`, with the time where it has one.
+/// not a number is left out, and where there is none, `reason` says why. Where the times do not count from zero, `{"timestamp": 0.0, "origin_s": …}` comes first. An event is `{"timestamp": …, "event": {…}}`, with the time where it has one.
 pub struct Viewer {
     socket: UdpSocket,
     reader: MessageReader,
@@ -66,7 +66,8 @@ mod tests {
         listener.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
         let mut viewer = open(&listener.local_addr().unwrap().to_string()).unwrap();
         let text = "# ekf,time_s,angle_rad,angle_sd_rad\n# event,what happened, as JSON\norigin,5\nekf,0.25,1e-1,\n\
-                    event,{\"kind\":\"zero_phase\",\"time_s\":0.5}\nacknowledged,1\nekf,0.5,2e-1,3e-3\n";
+                    event,{\"kind\":\"zero_phase\",\"time_s\":0.5}\nacknowledged,1\nekf,0.5,2e-1,3e-3\n\
+                    ekf,0.75,,,no_signal\nekf,1,,,not_known\n";
         for piece in text.as_bytes().chunks(7) {
             viewer.write_all(piece).unwrap();
         }
@@ -82,5 +83,8 @@ mod tests {
             received(),
             json!({ "timestamp": 0.5, "ekf": { "angle_rad": 0.2, "angle_sd_rad": 0.003 } })
         );
+        for (time_s, reason) in [(0.75, "no_signal"), (1.0, "not_known")] {
+            assert_eq!(received(), json!({ "timestamp": time_s, "ekf": { "reason": reason } }));
+        }
     }
 }

@@ -155,6 +155,11 @@ impl HttpAnswer {
         Ok((path, depth))
     }
 
+    /// Bytes of its content.
+    pub const fn length(&self) -> u64 {
+        self.length
+    }
+
     /// Sends it; of a request that asks for the head alone without the content.
     pub fn send(mut self, to: impl Write, is_head: bool) -> io::Result<()> {
         let mut to = BufWriter::with_capacity(1 << 16, to);

@@ -2,7 +2,7 @@
 
 use super::answer::Status;
 use std::ffi::OsString;
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ pub const MOST: usize = 8192;
 /// How long a request may take to come, in however many pieces.
 pub const PATIENCE: Duration = Duration::from_secs(10);
 
-/// What a connection gives until a time is over, however slowly.
+/// What a connection gives or takes until a time is over, however slowly.
 pub struct Deadline<'a> {
     connection: &'a TcpStream,
     ends: Instant,
@@ -22,16 +22,29 @@ impl<'a> Deadline<'a> {
     pub fn after(connection: &'a TcpStream, patience: Duration) -> Self {
         Self { connection, ends: Instant::now() + patience }
     }
+
+    /// What is left of it.
+    fn left(&self) -> io::Result<Duration> {
+        let left = self.ends.saturating_duration_since(Instant::now());
+        if left.is_zero() { Err(ErrorKind::TimedOut.into()) } else { Ok(left) }
+    }
 }
 
 impl Read for Deadline<'_> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        let left = self.ends.saturating_duration_since(Instant::now());
-        if left.is_zero() {
-            return Err(ErrorKind::TimedOut.into());
-        }
-        self.connection.set_read_timeout(Some(left))?;
+        self.connection.set_read_timeout(Some(self.left()?))?;
         self.connection.read(bytes)
+    }
+}
+
+impl Write for Deadline<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.connection.set_write_timeout(Some(self.left()?))?;
+        self.connection.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }
 

@@ -12,6 +12,7 @@ const TOKEN: &str = "0123456789abcdef";
 struct Served {
     folder: tempfile::TempDir,
     port: u16,
+    site: Arc<Site>,
     stopped: Arc<AtomicBool>,
     serving: Option<thread::JoinHandle<()>>,
 }
@@ -29,14 +30,15 @@ impl Served {
         let place = folder.path().canonicalize().unwrap();
         let site = Arc::new(Site {
             patience: Duration::from_millis(600),
+            slowest: 1 << 30,
             ..Site::new(place, TOKEN.to_owned(), port)
         });
         let stopped = Arc::new(AtomicBool::new(false));
-        let stop = Arc::clone(&stopped);
+        let (stop, served) = (Arc::clone(&stopped), Arc::clone(&site));
         let serving = thread::spawn(move || {
-            serve(&listener, &site, &|| stop.load(Ordering::Relaxed)).unwrap();
+            serve(&listener, &served, &|| stop.load(Ordering::Relaxed)).unwrap();
         });
-        Self { folder, port, stopped, serving: Some(serving) }
+        Self { folder, port, site, stopped, serving: Some(serving) }
     }
 
     /// What is answered to these bytes.
@@ -222,6 +224,29 @@ fn a_request_that_drips_is_ended_by_one_deadline() {
     }
     assert!(begun.elapsed() < Duration::from_secs(5), "{:?}", begun.elapsed());
     assert_eq!(status(&served.own("", "")), "200");
+}
+
+#[test]
+fn an_answer_that_is_read_in_drips_is_ended_by_one_deadline() {
+    let served = Served::new();
+    // More than what waits between two programs.
+    let place = served.folder.path().join("first/report_samples.bin");
+    std::fs::File::create(place).unwrap().set_len(1 << 27).unwrap();
+    let mut connection = TcpStream::connect((Ipv4Addr::LOCALHOST, served.port)).unwrap();
+    let request =
+        format!("GET /{TOKEN}/first/report_samples.bin HTTP/1.1\r\nHost: localhost:{}\r\n\r\n", served.port);
+    connection.write_all(request.as_bytes()).unwrap();
+    let begun = std::time::Instant::now();
+    let is_held = || served.site.connections.load(Ordering::Relaxed) > 0;
+    let mut bytes = vec![0; 1 << 16];
+    // So much that the server can write again long before the deadline of a piece would be over.
+    while connection.read(&mut bytes).is_ok() && begun.elapsed() < Duration::from_secs(10) && is_held() {
+        thread::sleep(Duration::from_millis(50));
+    }
+    assert!(begun.elapsed() < Duration::from_secs(5), "{:?}", begun.elapsed());
+    // One that is read as it comes is whole, and does not count against the deadline of the others.
+    let whole = served.own("first/report_samples.bin", "Range: bytes=0-9999999\r\n");
+    assert_eq!((status(&whole), content(&whole).len()), ("206", 10_000_000));
 }
 
 #[cfg(unix)]

@@ -383,6 +383,7 @@ fn told_once(faults: &[(Fault, usize)], form: Form, (summary, lines, sent): (&St
     for (what, found, expected) in [
         ("misplaced", order.misplaced, sent.misplaced),
         ("dropped", order.dropped, dropped),
+        ("late", order.late + order.too_late, 0),
         ("damaged", damaged, sent.damaged),
         ("duplicated", order.duplicated, sent.repeated),
         ("breaks", received.breaks, reset),
