@@ -1,11 +1,11 @@
 //! A filter that is chosen when the program runs, and so is its number of states.
 
 use super::answers::{AnswerRun, FilterRunStart};
-use super::continuous_gain::continuous_gain;
 use super::engine::Filtering;
 use super::gate::SampleGate;
 use super::linked::LinkedFilter;
 use super::over_rows::{RowFilter, SizedRowFilter};
+use super::solved_gain::{continuous_gain, settled_gain};
 use super::transition::{Sensor, SensorMeasurement, Transition, TransitionProcess};
 use super::{ConstantGain, GainOf, ModelAlone, ParameterCorrelation, StateName};
 use crate::config::Method;
@@ -254,7 +254,10 @@ fn constant_gain<const N: usize>(
         (&at, &()),
     );
     let gain = match gain {
-        (GainOf::Settled, _) => FixedGain::steady_state(mean, &point).map_err(|why| why.to_string())?,
+        (GainOf::Settled, _) => {
+            let gain = settled_gain(&point).map_err(|why| why.to_string())?;
+            FixedGain::from_gain(mean, gain, &point).map_err(|why| why.to_string())?
+        }
         (GainOf::Poles(corner), interval_s) => {
             let poles: Vec<Pole<f64>> =
                 placed(N, corner, transition).map(|pole| pole.sampled(interval_s)).collect();
