@@ -320,7 +320,8 @@ impl TrajectoryWatch {
                 events.extend(self.alarm.take(*time_s, *nis));
             } else if *nis > DISTURBANCE * DISTURBANCE {
                 let was_told = std::mem::replace(&mut self.disturbed, self.alarm.over) > 0;
-                events.extend((!was_told).then(|| Event::Disturbed { time_s: *time_s, size: nis.sqrt() }));
+                let size = nis.sqrt().min(f64::MAX);
+                events.extend((!was_told).then_some(Event::Disturbed { time_s: *time_s, size }));
             } else {
                 self.disturbed = self.disturbed.saturating_sub(1);
             }
