@@ -433,3 +433,13 @@ def test_paths_with_a_scheme_are_read_and_written(scanner: kalmems.Experiment, t
     assert [row["grade"] for row in there.rows()] == 2 * [here.rows()[0]["grade"]]
     again = scanner.estimate_many("memory://scans/monday.csv", "memory://results/week")
     assert (again.estimated, again.before, [row["recording"] for row in again.rows()]) == (0, 1, ["monday"])
+
+
+def test_a_sign_that_nothing_states_is_called_arbitrary() -> None:
+    experiment = kalmems.Experiment.load(EXAMPLES / "shared_scanner/true_stiffness.toml")
+    stated = experiment.estimate()
+    assert stated.segments[0].arbitrary_signs == [] and "arbitrary" not in stated.answer
+    unstated = experiment.replace({"estimate.first_peak": None}).estimate()
+    assert unstated.segments[0].arbitrary_signs == ["angle"] and unstated.segments[0].arbitrary_half_turns == []
+    assert "its sign is arbitrary" in unstated.answer
+    assert unstated.segments[0].trajectories[1].metrics["answer"][0]["sign_is_arbitrary"]

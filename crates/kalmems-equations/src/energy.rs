@@ -47,7 +47,7 @@ pub struct StatePower {
 /// What is left of powers that cancel, beyond rounding.
 const CANCELLED: f64 = 1e-9;
 /// ln 10⁹: how far below its unit a state of unknown size may be.
-const DECADES: f64 = 20.723_265_836_946_414;
+pub(crate) const DECADES: f64 = 20.723_265_836_946_414;
 /// Points at which the powers are computed.
 const POINTS: u32 = 200;
 
@@ -204,10 +204,10 @@ impl Device {
 }
 
 /// Numbers that are the same wherever this runs (xorshift, Marsaglia 2003).
-struct XorshiftNormal(u64);
+pub(crate) struct XorshiftNormal(pub(crate) u64);
 
 impl XorshiftNormal {
-    fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;

@@ -53,6 +53,7 @@ mod energy;
 mod error;
 mod file;
 mod graph;
+mod hidden_turns;
 mod laws;
 mod limits;
 mod modes;
@@ -77,6 +78,7 @@ pub use emit::{
 };
 pub use energy::{EnergyCheck, StatePower};
 pub use error::{EquationError, EquationFault, EquationNotice};
+pub use hidden_turns::StateTurn;
 pub use modes::{Mode, modes, shape};
 pub use motion::{MOST_STATES, Motion, StepTables};
 pub use program::ProgramNumbers;

@@ -1,21 +1,25 @@
 //! Which signs of a device's states its measurements cannot tell.
 //!
-//! A change of sign S of some states is a symmetry where f(S·x, u) = S·f(x, u) and h(S·x, u) = h(x, u) for all states and inputs: the mirrored
-//! motion obeys the same equations and gives the same signals, so that no recording tells which of both it was. It is found from the graph, by
-//! the parity of each expression.
+//! A change S of some states, of the sign of each or, of one that comes round, by half its period, is a symmetry if f(S·x, u) = S·f(x, u) (without
+//! the half period) and h(S·x, u) = h(x, u) for all states and inputs: the mirrored motion obeys the same equations and gives the same signals, so
+//! that no recording tells which of both it was. It is found from the graph, by the parity of each expression. An input is known and stays as it
+//! is: what enters with the sign of a state, as a force does, leaves no symmetry; a square or a size does.
 
 use crate::device::Device;
 use crate::graph::{ConstantBits, Function, Graph, Node, NodeId, Variable};
 use crate::laws::{self, LawId, MOST_ARGUMENTS};
 use crate::motion::MOST_STATES;
+use std::f64::consts::PI;
 
 /// What becomes of an expression when the signs of some states change.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Parity {
     /// It stays.
     Even,
     /// Its sign changes.
     Odd,
+    /// A constant is added to it.
+    Shifted(f64),
     /// Something else.
     Neither,
 }
@@ -23,9 +27,31 @@ enum Parity {
 impl Parity {
     fn times(self, other: Self) -> Self {
         match (self, other) {
-            (Self::Neither, _) | (_, Self::Neither) => Self::Neither,
-            (a, b) if a == b => Self::Even,
-            _ => Self::Odd,
+            (Self::Even, Self::Even) | (Self::Odd, Self::Odd) => Self::Even,
+            (Self::Even, Self::Odd) | (Self::Odd, Self::Even) => Self::Odd,
+            _ => Self::Neither,
+        }
+    }
+}
+
+/// The part of its size by which a shift may differ from one that is meant, by the rounding of the constants that it is made of.
+const ROUNDING: f64 = 1e-12;
+
+impl Parity {
+    /// The change by a sum of shifts, whose sizes add up to this one: shifts that cancel leave none.
+    fn shifted(by: f64, size: f64) -> Self {
+        if by.abs() <= ROUNDING * size { Self::Even } else { Self::Shifted(by) }
+    }
+
+    /// The change of sine and cosine: half a turn changes their signs.
+    fn of_shifted_circle(by: f64) -> Self {
+        let half_turns = (by / PI).round();
+        if (by - PI * half_turns).abs() > ROUNDING * by.abs() {
+            Self::Neither
+        } else if half_turns % 2.0 == 0.0 {
+            Self::Even
+        } else {
+            Self::Odd
         }
     }
 }
@@ -34,24 +60,16 @@ impl Parity {
 const MOST_GROUPS: usize = 10;
 
 impl Device {
-    /// The smallest sets of states, by their places, whose joint change of sign leaves rates, measurements and events as they are: each of
-    /// these signs, and each product of them, is arbitrary until something else than the signals states it. That of a phase which comes round
-    /// is none of them: with the sign of its rate it is a matter of how turns are counted.
+    /// The smallest sets of states, by their places, whose joint change leaves rates, measurements and events as they are: of the sign of each, or by
+    /// half a period of one that comes round. Each of these changes, and each product of them, is arbitrary until something else than the signals
+    /// states it. The sign of a phase that comes round is none of them: with the sign of its rate it is a matter of how turns are counted.
     pub fn hidden_signs(&self) -> Vec<Vec<usize>> {
-        let groups = self.groups();
+        let comes_round = |state: &usize| self.periods.iter().any(|(other, _)| other == state);
+        let mut groups = self.groups();
+        groups.retain(|group| !group.iter().any(comes_round));
+        groups.extend(self.periods.iter().map(|(state, _)| vec![*state]));
         if groups.len() > MOST_GROUPS {
             return Vec::new();
-        }
-        let mut found: Vec<u32> = Vec::new();
-        let mut tried: Vec<u32> = (1..1_u32 << groups.len()).collect();
-        tried.sort_by_key(|set| set.count_ones());
-        for set in tried {
-            let of_groups = groups.iter().enumerate().filter(|(place, _)| set >> place & 1 == 1);
-            let states: Vec<usize> = of_groups.flat_map(|(_, group)| group.iter().copied()).collect();
-            let comes_round = self.periods.iter().any(|(state, _)| states.contains(state));
-            if !comes_round && !is_sum(set, &found) && self.is_hidden(&states) {
-                found.push(set);
-            }
         }
         let states = |set: &u32| {
             let of_groups = groups.iter().enumerate().filter(|(place, _)| set >> place & 1 == 1);
@@ -59,20 +77,43 @@ impl Device {
             states.sort_unstable();
             states
         };
+        let mut found: Vec<u32> = Vec::new();
+        let mut tried: Vec<u32> = (1..1_u32 << groups.len()).collect();
+        tried.sort_by_key(|set| set.count_ones());
+        for set in tried {
+            if !is_sum(set, &found) && self.is_hidden(&states(&set)) {
+                found.push(set);
+            }
+        }
         found.iter().map(states).collect()
     }
 
-    /// What becomes of each quantity when these states change their signs: 1 where it stays, −1 where its sign changes, `None` where it becomes
+    /// What becomes of each quantity when these states change: 1 where it stays, −1 where its sign changes, `None` where it becomes
     /// another one.
     pub fn signs_of_quantities(&self, states: &[usize]) -> Vec<Option<f64>> {
         let mut graph = self.graph.clone();
-        let parities = Parities::of(&mut graph, &self.followed, states);
+        let parities = Parities::of(&mut graph, &self.followed, &self.changes(states));
         let sign = |node: &NodeId| match parities.get(*node) {
             Parity::Even => Some(1.0),
             Parity::Odd => Some(-1.0),
-            Parity::Neither => None,
+            Parity::Shifted(_) | Parity::Neither => None,
         };
         self.followed.iter().map(sign).collect()
+    }
+
+    /// How each of the states changes when these do.
+    fn changes(&self, states: &[usize]) -> Vec<Parity> {
+        let of = |state: usize| {
+            let period = self.periods.iter().find(|(other, _)| *other == state);
+            match period {
+                _ if !states.contains(&state) => Parity::Even,
+                None => Parity::Odd,
+                Some((_, node)) => {
+                    self.graph.number(*node).map_or(Parity::Neither, |period| Parity::Shifted(0.5 * period))
+                }
+            }
+        };
+        (0..self.states.len()).map(of).collect()
     }
 
     /// States that can change their signs together alone, since one stands by itself in a term of the rate of another: a rate and its angle, a
@@ -112,7 +153,7 @@ impl Device {
         }
     }
 
-    /// Whether rates, measurements, events and the sizes of noises stay as they are when these states change their signs.
+    /// Whether rates, measurements, events and the sizes of noises stay as they are when these states change.
     fn is_hidden(&self, states: &[usize]) -> bool {
         let noises = || self.noise.iter().map(|noise| noise.node);
         let read = || self.readings.iter().chain(&self.crossings).copied().chain(noises());
@@ -122,15 +163,16 @@ impl Device {
             .flat_map(|reset| std::iter::once(reset.crossing).chain(reset.set.iter().map(|(_, node)| *node)));
         let roots: Vec<NodeId> = self.rates.iter().copied().chain(read()).chain(of_resets).collect();
         let mut graph = self.graph.clone();
-        let parities = Parities::of(&mut graph, &roots, states);
-        let is = |node: NodeId, wanted: Parity| node == Graph::ZERO || parities.get(node) == wanted;
-        let rates =
-            self.rates.iter().enumerate().all(|(state, rate)| {
-                is(*rate, if states.contains(&state) { Parity::Odd } else { Parity::Even })
-            });
-        let set = |(state, node): &(usize, NodeId)| {
-            is(*node, if states.contains(state) { Parity::Odd } else { Parity::Even })
+        let changes = self.changes(states);
+        let parities = Parities::of(&mut graph, &roots, &changes);
+        let is = |node: NodeId, wanted: Parity| {
+            (node == Graph::ZERO && matches!(wanted, Parity::Even | Parity::Odd))
+                || parities.get(node) == wanted
         };
+        let of_rate = |change: Parity| if let Parity::Shifted(_) = change { Parity::Even } else { change };
+        let rates = self.rates.iter().zip(&changes).all(|(rate, change)| is(*rate, of_rate(*change)));
+        let set =
+            |(state, node): &(usize, NodeId)| changes.get(*state).is_some_and(|change| is(*node, *change));
         let resets =
             self.resets.iter().all(|reset| is(reset.crossing, Parity::Even) && reset.set.iter().all(set));
         rates && resets && read().all(|node| is(node, Parity::Even))
@@ -149,12 +191,12 @@ fn is_sum(set: u32, of: &[u32]) -> bool {
 struct Parities(Vec<Parity>);
 
 impl Parities {
-    fn of(graph: &mut Graph, roots: &[NodeId], states: &[usize]) -> Self {
+    fn of(graph: &mut Graph, roots: &[NodeId], changes: &[Parity]) -> Self {
         let below = graph.below(roots);
         let mut parities = Self(vec![Parity::Neither; graph.len()]);
         for id in below {
             let node = graph.node(id).clone();
-            let parity = parities.of_node(graph, &node, states);
+            let parity = parities.of_node(graph, &node, changes);
             if let Some(slot) = parities.0.get_mut(id.index()) {
                 *slot = parity;
             }
@@ -166,21 +208,17 @@ impl Parities {
         self.0.get(id.index()).copied().unwrap_or(Parity::Neither)
     }
 
-    fn of_node(&self, graph: &mut Graph, node: &Node, states: &[usize]) -> Parity {
+    fn of_node(&self, graph: &mut Graph, node: &Node, changes: &[Parity]) -> Parity {
         match node {
-            Node::Variable(Variable::State(state)) if states.contains(state) => Parity::Odd,
+            Node::Variable(Variable::State(state)) => changes.get(*state).copied().unwrap_or(Parity::Neither),
             Node::Number(_) | Node::Variable(_) => Parity::Even,
-            Node::Sum { constant, terms } => {
-                let mut parts = terms.iter().map(|(term, _)| self.get(*term));
-                let first = if *constant == ConstantBits::ZERO { parts.next() } else { Some(Parity::Even) };
-                let first = first.unwrap_or(Parity::Even);
-                if parts.all(|part| part == first) { first } else { Parity::Neither }
-            }
+            Node::Sum { constant, terms } => self.of_sum(*constant, terms),
             Node::Product(factors) => factors.iter().fold(Parity::Even, |product, (factor, power)| {
                 let of = self.get(*factor);
                 product.times(if power % 2 == 0 && of == Parity::Odd { Parity::Even } else { of })
             }),
             Node::Call(function, at) => match (self.get(*at), function) {
+                (Parity::Shifted(by), Function::Sin | Function::Cos) => Parity::of_shifted_circle(by),
                 (Parity::Even, _) | (Parity::Odd, Function::Cos) => Parity::Even,
                 (
                     Parity::Odd,
@@ -189,7 +227,7 @@ impl Parities {
                 _ => Parity::Neither,
             },
             Node::Angle { y, x } => match (self.get(*y), self.get(*x)) {
-                (of, Parity::Even) => of,
+                (of @ (Parity::Even | Parity::Odd), Parity::Even) => of,
                 _ => Parity::Neither,
             },
             Node::Choice { smaller, larger, then, otherwise } => {
@@ -200,13 +238,31 @@ impl Parities {
                 let first = arguments.first().map_or(Parity::Even, |argument| self.get(*argument));
                 match first {
                     _ if rest.any(|parity| parity != Parity::Even) => Parity::Neither,
+                    Parity::Even => Parity::Even,
                     Parity::Odd => of_law(*law, by, arguments.len()),
-                    other => other,
+                    _ => Parity::Neither,
                 }
             }
             Node::Curve { at, .. } if at.iter().all(|at| self.get(*at) == Parity::Even) => Parity::Even,
             Node::Curve { .. } => Parity::Neither,
         }
+    }
+
+    fn of_sum(&self, constant: ConstantBits, terms: &[(NodeId, ConstantBits)]) -> Parity {
+        let parts = || terms.iter().map(|(term, factor)| (self.get(*term), factor.get()));
+        if constant == ConstantBits::ZERO && !terms.is_empty() && parts().all(|(part, _)| part == Parity::Odd)
+        {
+            return Parity::Odd;
+        }
+        let (mut by, mut size) = (0.0, 0.0);
+        for (part, factor) in parts() {
+            match part {
+                Parity::Even => {}
+                Parity::Shifted(shift) => (by, size) = (by + factor * shift, size + (factor * shift).abs()),
+                Parity::Odd | Parity::Neither => return Parity::Neither,
+            }
+        }
+        Parity::shifted(by, size)
     }
 
     /// Of `then` where a < b and `otherwise` elsewhere. Where both sides of the comparison change their signs it turns round, so that each

@@ -7,8 +7,8 @@ use serde_json::{Map, Value};
 /// that is what no reading and writing changes.
 pub(crate) type ResultRow = Map<String, Value>;
 
-/// The states whose sign the signals do not tell and nothing states.
-const ARBITRARY_SIGNS: &str = "arbitrary_signs";
+/// What begins the names of the lists of states of which the signals do not tell one branch from the other.
+const ARBITRARY: &str = "arbitrary_";
 
 /// All rows of a run, from what `metrics.json` of an estimate would hold. A figure that there is not has no column; of
 /// a list, the row has the length; of names, these.
@@ -24,8 +24,15 @@ fn rows_of(metrics: &Value) -> Vec<ResultRow> {
             common.insert("recording".to_owned(), text(recording.get("name")));
             common.insert("segment".to_owned(), text(segment.get("label")));
             for (name, value) in segment.as_object().into_iter().flatten() {
-                if name == ARBITRARY_SIGNS {
-                    let states: Vec<&str> = list(segment, name).iter().filter_map(Value::as_str).collect();
+                if name.starts_with(ARBITRARY) {
+                    let named = |one: &Value| match one {
+                        Value::Array(turned) => {
+                            let names: Vec<&str> = turned.iter().filter_map(Value::as_str).collect();
+                            names.join("+")
+                        }
+                        one => one.as_str().unwrap_or_default().to_owned(),
+                    };
+                    let states: Vec<String> = list(segment, name).iter().map(named).collect();
                     common.insert(format!("segment.{name}"), Value::String(states.join(" ")));
                 } else if name != "estimators" && name != "label" {
                     flatten(&format!("segment.{name}"), value, &mut common);
@@ -83,13 +90,21 @@ mod tests {
 
     #[test]
     fn a_row_names_the_states_whose_sign_is_arbitrary() {
-        let segment = json!({ "label": "a", "arbitrary_signs": ["theta", "phi"], "remarks": ["one"],
+        let segment = json!({ "label": "a", "arbitrary_signs": ["theta", "phi"], "arbitrary_half_turns": ["turn"],
+            "arbitrary_turns": [["x", "y"], ["phi"]], "remarks": ["one"],
             "estimators": [{ "key": "ekf", "name": "EKF", "counts": { "samples": 3 } }] });
         let found = rows_of(&json!({ "recordings": [{ "name": "test", "segments": [segment] }] }));
         let of = |name: &str| found[0][name].as_str().unwrap().to_owned();
         assert_eq!(
-            ["segment.arbitrary_signs", "segment.remarks", "counts.samples"].map(of),
-            ["theta phi", "1", "3"]
+            [
+                "segment.arbitrary_signs",
+                "segment.arbitrary_half_turns",
+                "segment.arbitrary_turns",
+                "segment.remarks",
+                "counts.samples"
+            ]
+            .map(of),
+            ["theta phi", "turn", "x+y phi", "1", "3"]
         );
     }
 }

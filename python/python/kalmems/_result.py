@@ -274,6 +274,16 @@ class Segment:
         return list(self.metrics.get("arbitrary_signs", []))
 
     @property
+    def arbitrary_half_turns(self) -> list[str]:
+        """The states that come round which the signals do not tell from themselves half a period later."""
+        return list(self.metrics.get("arbitrary_half_turns", []))
+
+    @property
+    def arbitrary_turns(self) -> list[list[str]]:
+        """The states that turn together by any angle without another signal, one list for each turn."""
+        return [list(turn) for turn in self.metrics.get("arbitrary_turns", [])]
+
+    @property
     def best(self) -> Trajectory | None:
         """The answer whose predictions are the likeliest of those that can be trusted, where there is one."""
         likeliest = self.metrics.get("likeliest")

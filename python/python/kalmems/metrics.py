@@ -274,6 +274,7 @@ class Answer(TypedDict):
     oscillation: NotRequired[Oscillation]
     course: NotRequired[Course]
     known_to: NotRequired[float]
+    sign_is_arbitrary: NotRequired[bool]
 
 
 class StepErrors(TypedDict):
@@ -390,6 +391,8 @@ class SegmentMetrics(TypedDict):
     drive: DriveMetrics | None
     other_axes: NotRequired[list[AxisMetrics]]
     arbitrary_signs: NotRequired[list[str]]
+    arbitrary_half_turns: NotRequired[list[str]]
+    arbitrary_turns: NotRequired[list[list[str]]]
     remarks: NotRequired[list[str]]
     likeliest: NotRequired[FilterSelection]
     estimators: list[EstimatorMetrics]

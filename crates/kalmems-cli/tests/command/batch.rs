@@ -233,3 +233,21 @@ fn what_is_new_is_estimated_what_is_equal_is_not_and_what_fails_keeps_no_other_f
     let unmatched = run(folder, &["batch", "scans/*.h5", "--experiment", "experiment.toml", "--out", "none"]);
     assert!(said(&unmatched).contains("no file matches `scans/*.h5`"), "{}", said(&unmatched));
 }
+
+#[test]
+fn an_arbitrary_sign_is_in_answer_and_grade_and_in_the_row_of_a_batch() {
+    let folder = laboratory(1);
+    let folder = folder.path();
+    let text = example("true_stiffness.toml").replace("first_peak = \"positive\"\n", "");
+    assert!(!text.contains("first_peak"), "{text}");
+    fs::write(folder.join("experiment.toml"), text).unwrap();
+    for name in ["recording.csv", "reference.csv"] {
+        fs::write(folder.join(name), example(name)).unwrap();
+    }
+    let alone = said(&run(folder, &["estimate", "experiment.toml", "--out", "alone"]));
+    assert!(alone.contains("passes with remarks); its sign is arbitrary"), "{alone}");
+    assert!(alone.contains("; arbitrary: the sign of `angle`"), "{alone}");
+    let all = batch(folder, "all", &[]);
+    assert!(said(&all).contains("arbitrary sign of"), "{}", said(&all));
+    assert_eq!(rows(&folder.join("all/summary.csv"))[0]["segment.arbitrary_signs"], "angle");
+}

@@ -30,15 +30,14 @@ pub struct StartSearch {
     pub shapes: Vec<[Vec<f64>; 2]>,
     /// States that may have the other sign together, about their mean before.
     pub mirrored: Vec<Vec<usize>>,
+    /// States whose signs no signal tells together, of one that comes round the half of its period: starts that differ by these are one.
+    pub hidden: Vec<Vec<usize>>,
     /// States that come round, and the period of each.
     pub periods: Vec<(usize, f64)>,
     /// Starts from which it is sought as well, such as what a lock-in finds.
     pub seeds: Vec<Vec<f64>>,
     /// Where it is known nearly: it is sought from there, and nowhere else.
     pub near: Option<Vec<f64>>,
-    /// Whether a start and one in which some of `mirrored` have the other sign are one: of a device that is symmetric no signal
-    /// tells them apart.
-    pub is_symmetric: bool,
     /// Whether what is known behind the rows is asked for where no noise enters the motion as well.
     pub tells_behind: bool,
 }
@@ -90,6 +89,8 @@ const ALIKE: f64 = 9.0;
 const APART: f64 = 5.0;
 /// How often samples are left out and the start is found anew.
 const ROUNDS: usize = 6;
+/// Hidden signs whose products are known as one start.
+const MOST_HIDDEN: usize = 6;
 /// Jacobians that are computed for one minimum.
 const ITERATIONS: usize = 60;
 
@@ -201,10 +202,9 @@ impl StartBatch<'_> {
             fits.iter().min_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares)).cloned()
         };
         let found = best(&fits).ok_or(NoBatchStart::NotFitted)?;
-        if !self.search.is_symmetric {
-            for other in self.mirrored(&found.parameters) {
-                fits.extend(self.follow(other));
-            }
+        let images = self.images(&found.parameters);
+        for other in self.mirrored(&found.parameters).into_iter().filter(|other| !images.contains(other)) {
+            fits.extend(self.follow(other));
         }
         Ok((best(&fits).unwrap_or(found), fits))
     }
@@ -223,6 +223,7 @@ impl StartBatch<'_> {
         }
         let asked: f64 = at.from(&self.rest()).map(|residual| residual * residual).sum();
         let mut others = self.mirrored(&found.parameters);
+        others.extend(self.images(&found.parameters));
         for shape in &self.search.shapes {
             let of = |part: &Vec<f64>| -> f64 {
                 let part = std::array::from_fn(|i| part.get(i).copied().unwrap_or(0.0));
@@ -398,6 +399,23 @@ impl StartBatch<'_> {
         each.chain(all).collect()
     }
 
+    /// The same start with each product of the signs that the signals hide.
+    fn images(&self, found: &StartDeviations) -> Vec<StartDeviations> {
+        let hidden = self.search.hidden.get(..MOST_HIDDEN).unwrap_or(&self.search.hidden);
+        let image = |chosen: usize| {
+            let mut start = *found;
+            let of = hidden.iter().enumerate().filter(|(place, _)| chosen >> place & 1 == 1);
+            for i in of.flat_map(|(_, group)| group) {
+                let period = self.search.periods.iter().find(|(state, _)| state == i);
+                if let Some(value) = start.get_mut(*i) {
+                    *value = period.map_or(-*value, |(_, period)| *value + 0.5 * period);
+                }
+            }
+            start
+        };
+        (1..1_usize << hidden.len()).map(image).collect()
+    }
+
     /// Refuses a start that the samples do not determine.
     fn judge(&self, found: &Fit<MOST_STARTED>, all: &[Fit<MOST_STARTED>]) -> Result<(), NoBatchStart> {
         if !found.undetermined.is_empty() {
@@ -417,7 +435,7 @@ impl StartBatch<'_> {
             };
             (0..self.states()).any(apart)
         };
-        let images = if self.search.is_symmetric { self.mirrored(&found.parameters) } else { Vec::new() };
+        let images = self.images(&found.parameters);
         let is_another = |other: &&Fit<MOST_STARTED>| {
             let alike = other.sum_of_squares - found.sum_of_squares < ALIKE * scale;
             alike
@@ -885,7 +903,10 @@ mod tests {
         const ROWS: usize = 60;
         let passes = |squared: bool| {
             let (mut way, _) = FilterPass::from(&[2.0, 1.0], 0.03, squared, 11);
-            let search = StartSearch { is_symmetric: squared, ..way.search(None) };
+            let mut search = way.search(None);
+            if squared {
+                search.hidden = std::mem::take(&mut search.mirrored);
+            }
             batch_start(&mut way, 0..ROWS, &search).unwrap();
             way.advanced.div_ceil(ROWS)
         };
@@ -930,7 +951,7 @@ mod tests {
         };
         assert!(one.iter().zip(&other).all(|(a, b)| (a + b).abs() < 1e-6), "{one:?} {other:?}");
         // Where it is known that nothing tells it, either will do.
-        let either = StartSearch { is_symmetric: true, ..search };
+        let either = StartSearch { hidden: search.mirrored.clone(), ..search };
         let found = batch_start(&mut way, 0..60, &either).unwrap().first.mean;
         assert!([2.0, -2.0].iter().any(|truth| (found[0] - truth).abs() < 0.1), "{found:?}");
     }

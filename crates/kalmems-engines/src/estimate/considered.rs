@@ -13,7 +13,6 @@
 //!
 //! The answer itself is not changed by what the recording tells of b: a parameter that is to be learnt is a state.
 
-use super::trajectory::PHASE;
 use super::{StateSeries, Trajectory};
 use kalmems_core::{Covariance, Scalar};
 use kalmems_models::control::MotionPhase;
@@ -111,13 +110,16 @@ impl Trajectory {
             .iter()
             .map(|(name, other)| {
                 // Both on one branch, where the signals do not tell which it is.
+                let turned = self.turned_like(other);
+                let other = turned.as_ref().unwrap_or(other);
                 let alignment = self.alignment(other);
                 let difference = |(place, (own, other)): (usize, (&StateSeries, &StateSeries))| {
                     // A phase is known but for whole turns.
-                    let turns = |apart: f64| if own.name == PHASE { (apart / TAU).round() } else { 0.0 };
-                    let aligned = |other: &f64| alignment.of((place, own.name), *other);
+                    let period = self.period(place);
+                    let whole = |apart: f64| period.map_or(0.0, |period| period * (apart / period).round());
+                    let aligned = |other: &f64| alignment.of(place, *other);
                     let apart = own.mean.iter().zip(&other.mean).map(|(own, other)| aligned(other) - own);
-                    apart.map(|apart| apart - TAU * turns(apart)).collect::<Vec<f64>>()
+                    apart.map(|apart| apart - whole(apart)).collect::<Vec<f64>>()
                 };
                 let states = self.states.iter().zip(&other.states).enumerate().map(difference).collect();
                 Contribution { name: Arc::clone(name), states, told: [0.0, 1.0] }

@@ -458,6 +458,8 @@ impl Trajectory {
             parameter_correlations: Vec::new(),
             considered: Vec::new(),
             hidden_signs: Vec::new(),
+            hidden_turns: Vec::new(),
+            periods: Vec::new(),
             own_states: states.len(),
             mirrored: false,
             stops: Vec::new(),
@@ -545,6 +547,8 @@ impl Trajectory {
             parameter_correlations: self.parameter_correlations.clone(),
             considered: Vec::new(),
             hidden_signs: self.hidden_signs.clone(),
+            hidden_turns: self.hidden_turns.clone(),
+            periods: self.periods.clone(),
             time_s: Vec::new(),
             ..*self
         }

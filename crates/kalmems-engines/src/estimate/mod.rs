@@ -17,6 +17,7 @@ mod filter_basics;
 mod from_signal;
 mod gate;
 mod hidden_sign;
+mod hidden_turn;
 mod known_state;
 mod linked;
 mod lock;
@@ -66,6 +67,8 @@ pub use gate::{
     largest_nis, memory_samples,
 };
 pub use hidden_sign::{BranchAlignment, StatedSign, are_opposite};
+pub(crate) use hidden_turn::KnownState;
+pub use hidden_turn::TurnedStates;
 pub use known_state::{AnyKnownStateStep, KnownStateStep};
 pub use lock::is_the_only_one;
 pub use lock::{Lock, LockEvent, MotionRate, judge_lock};

@@ -3,7 +3,7 @@
 use super::gate::largest_nis;
 use super::{
     Contribution, ErrorSpan, FALSE_REJECTIONS, FilterStop, GateTurn, Lock, MeanAndCovariance, Rejection,
-    StepCounts, StepError,
+    StepCounts, StepError, TurnedStates,
 };
 use crate::units::Kind;
 use kalmems_core::FilterError;
@@ -76,8 +76,13 @@ pub struct Trajectory {
     pub considered: Vec<Contribution>,
     /// Whether the filter followed the motion.
     pub lock: Lock,
-    /// Signs that the signals do not tell, where nothing else states them: of each the states, by their places, that change it together.
+    /// Signs that the signals do not tell, where nothing else states them: of each the states, by their places, that change it together, and those
+    /// that come round and change by half a period with it.
     pub hidden_signs: Vec<Vec<usize>>,
+    /// Turns of several states by one angle that the signals do not tell.
+    pub hidden_turns: Vec<Vec<TurnedStates>>,
+    /// The states that come round, by their places, each with its period in SI.
+    pub periods: Vec<(usize, f64)>,
     /// How many of the states are the filter's own; what follows from them stands behind.
     pub own_states: usize,
     /// Whether the answer was mirrored, θ → −θ, to have the sign that the experiment states.

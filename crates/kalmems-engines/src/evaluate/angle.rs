@@ -1,5 +1,6 @@
 //! Errors of an angle that oscillates: in the angle, in its phase against the drive, in its amplitude.
 
+use super::value::turned_to;
 use super::{Claim, PartErrors, ReferenceLag, ReferenceMotion};
 use crate::estimate::{SegmentEstimate, Trajectory, is_the_only_one};
 use crate::progress::Interruption;
@@ -122,6 +123,9 @@ pub fn evaluate_angles(
     let time = &estimate.segment.time;
     let end_s = time.at(time.len().saturating_sub(1)) + time.interval_s().unwrap_or(0.0);
     let one = |trajectory: &Trajectory| {
+        let known = references.iter().map(|one| (one.states[0], &one.time_s[..], &one.angle[..]));
+        let turned = turned_to(trajectory, known, from_s);
+        let trajectory = turned.as_ref().unwrap_or(trajectory);
         let mut found = references.iter().filter_map(|reference| {
             let other = estimate.other_axes.iter().find(|axis| axis.angle == reference.states[0]);
             let (motion, drive) = other.map_or((estimate.motion, estimate.drive.as_ref()), |axis| {

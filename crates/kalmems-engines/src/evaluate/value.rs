@@ -2,7 +2,7 @@
 
 use super::reference::{TimePlace, place};
 use super::{Accuracy, Claim, ErrorSeries};
-use crate::estimate::{StateSeries, Trajectory};
+use crate::estimate::{KnownState, StateSeries, Trajectory};
 use crate::progress::Interruption;
 use crate::signal::{cubic_between, hermite, usual_interval};
 use crate::units::Kind;
@@ -75,6 +75,9 @@ pub fn evaluate_values(
     from_s: f64,
     stop: &Interruption,
 ) -> ErrorsByState {
+    let known = references.iter().map(|one| (one.state.name, &one.time_s[..], &one.value[..]));
+    let turned = turned_to(trajectory, known, from_s);
+    let trajectory = turned.as_ref().unwrap_or(trajectory);
     let one = |reference: &ValueReference| {
         if trajectory.time_s.is_empty() {
             return None;
@@ -94,6 +97,41 @@ pub fn evaluate_values(
         Some(if mirrored.1.rmse < own.1.rmse { mirrored } else { own })
     };
     references.iter().filter_map(one).collect()
+}
+
+/// The answer after the hidden turns that bring it nearest to references, states with their times in s and values, from a time in s on; `None` if no
+/// turn of theirs is hidden.
+pub(super) fn turned_to<'a>(
+    trajectory: &Trajectory,
+    references: impl Iterator<Item = (&'a str, &'a [f64], &'a [f64])>,
+    from_s: f64,
+) -> Option<Trajectory> {
+    if trajectory.hidden_turns.is_empty() {
+        return None;
+    }
+    let times = &trajectory.time_s[..];
+    let usual = usual_interval(times);
+    let place_of = |name: &str| trajectory.states.iter().position(|state| state.name == name);
+    let of = references.filter_map(|(name, time_s, values)| {
+        let place = place_of(name).filter(|place| trajectory.hides_turn(*place))?;
+        let from = time_s.partition_point(|t| *t < from_s * (1.0 - 1e-12));
+        Some((place, &time_s[from..], &values[from..]))
+    });
+    let of: Vec<(usize, &[f64], &[f64])> = of.collect();
+    let mean = |trajectory: &Trajectory, place_of_state: usize, time: f64| {
+        let means = &trajectory.states[place_of_state].mean;
+        match place(times, usual, time) {
+            TimePlace::At(k) => means[k],
+            TimePlace::Before { next, .. } => cubic_between(times, |k| means[k], next, time),
+            TimePlace::Nowhere => f64::NAN,
+        }
+    };
+    let own: Vec<_> = (of.iter())
+        .map(|(_, time_s, _)| move |of: &Trajectory, place: usize, k: usize| mean(of, place, time_s[k]))
+        .collect();
+    let known =
+        of.iter().zip(&own).map(|((place, _, values), own)| KnownState { place: *place, values, own });
+    trajectory.turned_to(&known.collect::<Vec<_>>())
 }
 
 fn errors(

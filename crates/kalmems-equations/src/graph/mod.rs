@@ -280,6 +280,17 @@ impl Graph {
         self.below(&[root]).into_iter().any(|id| is_kink(id) && self.depends(id, moves))
     }
 
+    /// Whether an expression has no choice, whole number or curve in it, so that it is analytic in its domain.
+    pub(crate) fn is_smooth(&self, root: NodeId) -> bool {
+        let is_kink = |id: &NodeId| {
+            matches!(
+                self.node(*id),
+                Node::Choice { .. } | Node::Call(Function::Floor, _) | Node::Curve { .. }
+            )
+        };
+        !self.below(&[root]).iter().any(is_kink)
+    }
+
     /// As [`below`](Self::below), with a bound on how often that is done; nothing beyond it.
     fn visited(&mut self, root: NodeId) -> Vec<NodeId> {
         self.visits += self.nodes.len();

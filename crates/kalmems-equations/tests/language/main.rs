@@ -5,6 +5,7 @@ mod bounds;
 mod common;
 mod energy;
 mod held;
+mod hidden_turns;
 mod laws;
 mod mistakes;
 mod published;

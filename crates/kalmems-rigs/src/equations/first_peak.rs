@@ -73,21 +73,31 @@ impl AngleSign {
     }
 }
 
-/// Gives an answer the signs that are stated, by the first turning point of each angle behind a time in s of its own; what is not stated stays hidden.
+/// Gives an answer the signs that are stated, by the first turning point of each angle behind a time in s of its own; what is not stated stays hidden,
+/// for the states and for the quantities that follow from them.
 pub fn orient(
     trajectory: &mut Trajectory,
     (own, signs): (&OwnDevice, &[AngleSign]),
     past: &mut AnswerPast,
     peaks_s: &[f64],
 ) {
+    trajectory.periods.clone_from(&own.periods);
+    trajectory.hidden_turns.clone_from(&own.hidden_turns);
     for sign in signs {
         let stated = sign.in_trajectory(trajectory);
         if let Some(peak_s) = peaks_s.get(sign.axis).or(peaks_s.last()) {
             past.orient(trajectory, &stated, *peak_s);
         }
     }
-    let is_open = |group: &&Vec<usize>| signs.iter().all(|sign| sign.states != **group);
-    trajectory.hidden_signs = own.hidden_signs.iter().filter(is_open).cloned().collect();
+    let is_open = |(group, _): &(&Vec<usize>, &Vec<usize>)| signs.iter().all(|sign| sign.states != **group);
+    let with_quantities = |(group, odd): (&Vec<usize>, &Vec<usize>)| {
+        let mut here = trajectory.states.iter().enumerate().skip(trajectory.own_states);
+        let named = odd.iter().filter_map(|place| own.device.quantities().get(*place));
+        let quantities = named.filter_map(|named| here.find(|(_, state)| state.name == &*named.name));
+        group.iter().copied().chain(quantities.map(|(place, _)| place)).collect()
+    };
+    let all = own.hidden_signs.iter().zip(&own.odd_quantities);
+    trajectory.hidden_signs = all.filter(is_open).map(with_quantities).collect();
 }
 
 /// What has to be known of the sign of a motion that was calibrated for the first stretch of a record, in a later one.

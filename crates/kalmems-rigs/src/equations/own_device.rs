@@ -11,8 +11,8 @@ use super::oscillation::OscillationTable;
 use super::range::{QuantityRange, ranges};
 use super::table::{EquationsTable, refused};
 use crate::config::{ConfigError, ExpectedEntry, Experiment, FilterStart, Key, Quantity};
-use crate::estimate::StateName;
-use kalmems_equations::{Device, EquationError, Mode, Motion, Named, NoiseKind, modes};
+use crate::estimate::{StateName, TurnedStates};
+use kalmems_equations::{Device, EquationError, Mode, Motion, Named, NoiseKind, StateTurn, modes};
 use std::sync::Arc;
 
 /// A device with the values of its parameters, and how it moves when it is left alone.
@@ -56,8 +56,13 @@ pub struct OwnDevice {
     pub sized: Vec<usize>,
     /// The cycles of the drive in one of the motion.
     pub drive_cycles: f64,
-    /// The signs of states that its measurements do not tell.
+    /// The signs of states that its measurements do not tell, half a turn of a state that comes round among them. That an amplitude has a sign
+    /// which its phase undoes is none where the table of a sine says which states these are: there an amplitude is positive.
     pub hidden_signs: Vec<Vec<usize>>,
+    /// The quantities that change their signs with each of these.
+    pub odd_quantities: Vec<Vec<usize>>,
+    /// The turns of states that its measurements do not tell.
+    pub hidden_turns: Vec<Vec<TurnedStates>>,
     /// What filters call the measurements.
     pub signal_names: Vec<String>,
     /// What an input makes of the signals beside the motion.
@@ -104,7 +109,20 @@ impl OwnDevice {
             own.device.states().get(*state).is_some_and(|named| table.usual.contains_key(&*named.name))
         });
         let sized = sized.collect();
-        let own = Self { bandwidths, ranges, angles, rates, axes, drive_cycles, ..own };
+        let mut own = Self { bandwidths, ranges, angles, rates, axes, drive_cycles, ..own };
+        if let Some(sine) = &table.sine {
+            let [amplitude, phase, offset] =
+                [&sine.amplitude, &sine.phase, &sine.offset].map(|name| own.device.state(name));
+            let has =
+                |group: &[usize], state: Option<usize>| state.is_some_and(|state| group.contains(&state));
+            own.hidden_signs
+                .retain(|group| has(group, offset) || !has(group, amplitude) || !has(group, phase));
+        }
+        let odd = |group: &Vec<usize>| {
+            let signs = own.device.signs_of_quantities(group).into_iter().enumerate();
+            signs.filter(|(_, sign)| *sign == Some(-1.0)).map(|(place, _)| place).collect()
+        };
+        own.odd_quantities = own.hidden_signs.iter().map(odd).collect();
         Ok(Self { answer, sized, signal_names, feedthrough, corrections, ..own })
     }
 
@@ -131,6 +149,9 @@ impl OwnDevice {
         let rests = found.is_some();
         let rest = found.unwrap_or_else(|| vec![0.0; states]);
         let hidden_signs = device.hidden_signs();
+        let of_state = |turn: StateTurn| TurnedStates { places: turn.places, rate: turn.rate };
+        let hidden_turns = device.hidden_turns().into_iter();
+        let hidden_turns = hidden_turns.map(|turn| turn.into_iter().map(of_state).collect()).collect();
         let modes = Vec::new();
         let noise = device.noise(&values, &rest)?;
         let read = device.readout(0, &[]).ok();
@@ -158,6 +179,8 @@ impl OwnDevice {
             sized: Vec::new(),
             drive_cycles: 1.0,
             hidden_signs,
+            hidden_turns,
+            odd_quantities: Vec::new(),
             signal_names: Vec::new(),
             feedthrough: None,
             corrections: Vec::new(),
@@ -252,9 +275,15 @@ impl OwnDevice {
     /// The names of states that are exactly 0 at a place, in the middle of a symmetry of equations and signals, which they never leave.
     pub(super) fn symmetric_rest(&self, at: &[f64]) -> Option<String> {
         let is_zero = |state: &usize| at.get(*state) == Some(&0.0);
-        let group = self.hidden_signs.iter().find(|group| group.iter().all(is_zero))?;
+        let is_left_by_none = |group: &&Vec<usize>| group.iter().all(is_zero) && !self.comes_round(group);
+        let group = self.hidden_signs.iter().find(is_left_by_none)?;
         let names = group.iter().filter_map(|state| self.device.states().get(*state));
         Some(names.map(|named| format!("`{}`", named.name)).collect::<Vec<_>>().join(" and "))
+    }
+
+    /// Whether one of these states comes round.
+    pub(super) fn comes_round(&self, states: &[usize]) -> bool {
+        self.periods.iter().any(|(state, _)| states.contains(state))
     }
 
     /// Whether the signals tell the sign of a state of this name.

@@ -85,10 +85,13 @@ fn search(own: &OwnDevice, prior: Vec<StatePrior>) -> StartSearch {
     search.shapes = shapes.filter_map(|mode| shape(&free.linear, states, mode)).collect();
     let known: Vec<(usize, usize)> = own.motion.sparsity().collect();
     let own_states = own.device.own_states().min(states);
-    // Of angles whose signs no signal tells either is taken: an experiment states it afterwards, or it is said to be arbitrary.
-    let is_hidden = |state: usize| own.hidden_signs.iter().any(|group| group.contains(&state));
-    search.is_symmetric = own.hides_angle() && (0..own_states).all(is_hidden);
-    search.mirrored = if search.is_symmetric { own.hidden_signs.clone() } else { groups(own_states, &known) };
+    // Of signs that no signal tells either is taken: an experiment states it afterwards, or it is said to be arbitrary.
+    search.hidden.clone_from(&own.hidden_signs);
+    search.mirrored = groups(own_states, &known);
+    search.mirrored.retain(|group| {
+        let is_own = |hidden: &&Vec<usize>| hidden.iter().filter(|state| **state < own_states).eq(group);
+        !search.hidden.iter().any(|hidden| is_own(&hidden))
+    });
     search
 }
 
@@ -198,9 +201,8 @@ impl EquationFilterTask<'_> {
             return known;
         }
         for ([angle, rate], motion_hz) in self.own.swinging_angles().into_iter().zip(self.motions_hz()) {
-            let Some(mirrored) = self.own.hidden_signs.iter().find(|group| group.contains(&angle)) else {
-                continue;
-            };
+            let hidden = self.own.hidden_signs.iter().find(|group| group.contains(&angle));
+            let Some(mirrored) = hidden.filter(|group| !self.own.comes_round(group)) else { continue };
             let swing = HiddenSwing { states: [angle, rate], rate: TAU * motion_hz, mirrored };
             known = swing.with_the_sign_before(known, time_s, held);
         }

@@ -18,13 +18,15 @@ use std::path::PathBuf;
 const BEFORE: [&str; 6] = ["recording", "same_as", "error", "trajectories", "file", "sha256"];
 
 /// Figures that the summary has, beside all that end with `rmse` and a unit.
-const SUMMARY: [&str; 12] = [
+const SUMMARY: [&str; 14] = [
     "segment",
     "segment.stretch.number",
     "estimator_name",
     "grade",
     "verdict",
     "segment.arbitrary_signs",
+    "segment.arbitrary_half_turns",
+    "segment.arbitrary_turns",
     "consistency.mean_nis",
     "segment.motion_hz",
     "segment.duration_s",
@@ -247,7 +249,13 @@ fn table(rows: &[BatchRow], files: &[String]) -> TidyTable {
     let words = before
         .iter()
         .cloned()
-        .chain(["segment", "trusted", "segment.arbitrary_signs"].map(str::to_owned))
+        .chain(["segment", "trusted"].map(str::to_owned))
+        .chain(
+            SUMMARY
+                .iter()
+                .filter(|name| name.starts_with("segment.arbitrary_"))
+                .map(|name| (*name).to_owned()),
+        )
         .collect();
     let columns = before.into_iter().chain(figures).collect();
     TidyTable { columns, words, rows: lines, before: BEFORE.len() }
@@ -311,6 +319,8 @@ fn shown(summary: &TidyTable) -> figures::TextTable {
             "filter",
             "grade",
             "segment.arbitrary_signs",
+            "segment.arbitrary_half_turns",
+            "segment.arbitrary_turns",
             "consistency.mean_nis",
             "segment.motion_hz",
         ];
@@ -326,6 +336,8 @@ fn shown(summary: &TidyTable) -> figures::TextTable {
             "segment.motion_hz" => return ColumnHead::number("motion", "Hz"),
             "grade" => "verdict",
             "segment.arbitrary_signs" => "arbitrary sign of",
+            "segment.arbitrary_half_turns" => "arbitrary half turn of",
+            "segment.arbitrary_turns" => "arbitrary turn of",
             name => name,
         };
         if summary.is_number(*place) { ColumnHead::number(label, "") } else { ColumnHead::text(label) }

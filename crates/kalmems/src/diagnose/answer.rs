@@ -8,15 +8,18 @@ use serde::Serialize;
 
 /// The root mean square by which the answers of two runs over the same samples differ, in SI; 0 where they have none in common.
 pub(super) fn moved(from: &DiagnosisTrial, to: &DiagnosisTrial) -> f64 {
-    let sign = branch(from, to);
-    let differences = to.answer.iter().zip(&from.answer).map(|(b, a)| sign * b - a).filter(|d| d.is_finite());
+    let differences = differences(from, to).into_iter().filter(|d| d.is_finite());
     let (count, sum) = differences.fold((0.0, 0.0), |(count, sum), d| (count + 1.0, sum + d * d));
     (sum / f64::max(count, 1.0)).sqrt()
 }
 
-/// The sign, 1 or −1, with which the second answer is on the branch of the first one, where the signals do not tell which it is.
-fn branch(from: &DiagnosisTrial, to: &DiagnosisTrial) -> f64 {
-    if from.sign == AnswerSign::Arbitrary && are_opposite(&from.answer, &to.answer) { -1.0 } else { 1.0 }
+/// The second answer minus the first one, in SI, on one branch if the signals do not tell which it is, and without whole turns of what comes round.
+fn differences(from: &DiagnosisTrial, to: &DiagnosisTrial) -> Vec<f64> {
+    let is_opposite = from.sign == AnswerSign::Arbitrary && are_opposite(&from.answer, &to.answer);
+    let sign = if is_opposite { -1.0 } else { 1.0 };
+    let whole = |apart: f64| from.period.map_or(0.0, |period| period * (apart / period).round());
+    let apart = to.answer.iter().zip(&from.answer).map(|(b, a)| sign * b - a);
+    apart.map(|apart| apart - whole(apart)).collect()
 }
 
 /// How an answer differs from another one of the same samples: Δx = offset + scale·x + early·ẋ and a rest.
@@ -44,8 +47,7 @@ impl AnswerChange {
         if from.answer.len() != to.answer.len() || !from.is_its_own() {
             return None;
         }
-        let sign = branch(from, to);
-        let difference: Vec<f64> = to.answer.iter().zip(&from.answer).map(|(b, a)| sign * b - a).collect();
+        let difference = differences(from, to);
         let mean_square = |values: &mut dyn Iterator<Item = f64>| {
             let (count, sum) =
                 values.filter(|v| v.is_finite()).fold((0.0, 0.0), |(n, s), v| (n + 1.0, s + v * v));

@@ -57,6 +57,8 @@ pub(super) struct DiagnosisTrial {
     pub(super) answer_time_s: Vec<f64>,
     /// Who tells the sign of the answer.
     pub(super) sign: AnswerSign,
+    /// The period of an answer that comes round, half of it if the signals do not tell its half turns.
+    pub(super) period: Option<f64>,
     /// The name of the answer among the states, and its unit.
     pub(super) answer_name: &'static str,
     pub(super) answer_unit: &'static str,
@@ -181,7 +183,10 @@ impl DiagnosisTrial {
         (self.answer_name, self.answer_unit) = (state.name, state.unit);
         let place = trajectory.states.iter().position(|one| one.name == state.name);
         let is_hidden = place.is_some_and(|place| trajectory.hides_sign(place));
-        self.sign = if is_hidden { AnswerSign::Arbitrary } else { AnswerSign::Known };
+        self.period = place.and_then(|place| trajectory.period(place));
+        self.period = self.period.map(|period| if is_hidden { 0.5 * period } else { period });
+        let is_signed = is_hidden && self.period.is_none();
+        self.sign = if is_signed { AnswerSign::Arbitrary } else { AnswerSign::Known };
         self.answer.extend(state.mean.get(scored.clone()).unwrap_or_default());
         self.answer_sd.extend(state.sd.get(scored.clone()).unwrap_or_default());
         self.answer_time_s.extend(&trajectory.time_s[scored]);

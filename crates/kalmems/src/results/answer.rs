@@ -24,6 +24,12 @@ pub struct QuantityAnswer {
     /// The root mean square of its claimed standard deviations; `None` of a method that claims none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub known_to: Option<f64>,
+    /// Whether the signals do not tell its sign and nothing states it: the opposite answer, its peaks half a cycle later, is as good.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub sign_is_arbitrary: bool,
+    /// Whether the drive has one peak in a cycle, so that the other sign has its peaks elsewhere.
+    #[serde(skip)]
+    peaks_tell_sign: bool,
     #[serde(skip)]
     is_angle: bool,
     #[serde(skip)]
@@ -36,9 +42,9 @@ pub struct QuantityAnswer {
 pub enum AnsweredMotion {
     /// As a steady sine.
     Oscillation {
-        /// Its mean.
+        /// The mean in SI.
         mean: f64,
-        /// Its amplitude.
+        /// The amplitude in SI.
         amplitude: f64,
         /// Its frequency in Hz.
         frequency_hz: f64,
@@ -49,7 +55,7 @@ pub enum AnsweredMotion {
     },
     /// In any other way.
     Course {
-        /// Its mean.
+        /// The mean in SI.
         mean: f64,
         /// Its smallest value.
         lowest: f64,
@@ -101,7 +107,19 @@ impl QuantityAnswer {
                 .filter(|sd| sd.is_finite())
                 .fold((0.0, 0.0), |(count, squares), sd| (count + 1.0, squares + sd * sd));
             let known_to = (count > 0.0).then(|| f64::sqrt(squares / count));
-            Some(Self { quantity: state.name, unit: state.unit, motion, known_to, is_angle, samples })
+            let peaks_tell_sign =
+                estimate.drive.is_some_and(|drive| drive.frequency_hz < 1.5 * motion.frequency_hz());
+            Some(Self {
+                quantity: state.name,
+                unit: state.unit,
+                motion,
+                known_to,
+                sign_is_arbitrary: (trajectory.hides_sign(place) || trajectory.hides_turn(place))
+                    && trajectory.period(place).is_none(),
+                peaks_tell_sign,
+                is_angle,
+                samples,
+            })
         };
         trajectory.states.iter().enumerate().filter_map(of).collect()
     }
@@ -155,7 +173,13 @@ impl QuantityAnswer {
                     text += &format!(" about {}", shown(mean));
                 }
                 if let Some(degrees) = after_drive_deg {
-                    text += &format!(", peaks {degrees:.1}° of its cycle after those of the drive");
+                    let or_mirrored = if self.sign_is_arbitrary && self.peaks_tell_sign {
+                        format!("° or {:.1}", (degrees + 180.0).rem_euclid(360.0))
+                    } else {
+                        String::new()
+                    };
+                    text +=
+                        &format!(", peaks {degrees:.1}{or_mirrored}° of its cycle after those of the drive");
                 }
                 text
             }
@@ -170,11 +194,20 @@ impl QuantityAnswer {
                 format!(", ± {sd} (one standard deviation, claimed by {filter}: {grade})")
             },
         );
-        format!("{}: {motion}{known}", self.quantity)
+        let sign = if self.sign_is_arbitrary { "; its sign is arbitrary" } else { "" };
+        format!("{}: {motion}{known}{sign}", self.quantity)
     }
 }
 
 impl AnsweredMotion {
+    /// Its frequency in Hz; 0 of what is no oscillation.
+    const fn frequency_hz(self) -> f64 {
+        match self {
+            Self::Oscillation { frequency_hz, .. } => frequency_hz,
+            Self::Course { .. } => 0.0,
+        }
+    }
+
     /// Mean, smallest and largest value.
     fn course(self) -> [f64; 3] {
         match self {
@@ -331,6 +364,8 @@ mod tests {
                 after_drive_deg: Some(degrees),
             },
             known_to: Some(known_to),
+            sign_is_arbitrary: false,
+            peaks_tell_sign: true,
             is_angle: true,
             samples,
         };
@@ -346,6 +381,12 @@ mod tests {
             "angle: amplitude 7.162 deg at 1 kHz, peaks 355.0° of its cycle after those of the drive, ± 0.099 deg (one standard deviation, \
              claimed by EKF: passes)"
         );
+        // Half a cycle later by a drive of the same frequency; by one of twice that the turning points are at the same times.
+        own.sign_is_arbitrary = true;
+        let arbitrary = said.replace("355.0°", "355.0° or 175.0°") + "; its sign is arbitrary";
+        assert_eq!(own.sentence("EKF", Grade::Passes), arbitrary);
+        own.peaks_tell_sign = false;
+        assert_eq!(own.sentence("EKF", Grade::Passes), said + "; its sign is arbitrary");
         let alone = |value: f64, sd: f64| to_the_last_digit(value, Some(sd));
         assert!((alone(-137.284, 14.2) + 137.0).abs() < 1e-9 && (alone(0.033_079, 0.1) - 0.03).abs() < 1e-12);
         assert!((alone(8.91994, 0.00996) - 8.92).abs() < 1e-9 && alone(1.0 / 3.0, 0.0) == 1.0 / 3.0);

@@ -1,6 +1,7 @@
 //! The figures of an estimate.
 
 use super::answer::answers;
+use super::arbitrary::ArbitraryBranches;
 use super::{QuantityAnswer, Verdict};
 use crate::diagnose::{FoundNoise, InputFault, NumberCheck, ScaleNote};
 use crate::estimate::{
@@ -105,10 +106,10 @@ pub struct SegmentMetrics {
     /// Whether the signal is the same for the mirrored motion.
     #[serde(skip)]
     pub sign_is_hidden: bool,
-    /// The states whose sign the signals do not tell and nothing states, the first of each that change it together: which sign an estimate has
-    /// is arbitrary, and a reference is compared with the one that is nearer to it.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub arbitrary_signs: Vec<&'static str>,
+    /// What the signals do not tell and nothing states: which of both an estimate has is arbitrary, and a reference is compared with the one that is
+    /// nearer to it.
+    #[serde(flatten)]
+    pub arbitrary: ArbitraryBranches,
     /// What a reader of the figures has to know and cannot see from them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
@@ -225,6 +226,9 @@ pub struct EstimatorMetrics {
     /// What it says of what the device is for, after the settling time.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub answer: Vec<QuantityAnswer>,
+    /// The signs and half turns that are arbitrary in its answer, in words.
+    #[serde(skip)]
+    pub arbitrary: Vec<String>,
     /// The errors against the reference, after the settling time; `None` where there is nothing to compare.
     pub errors: Option<MotionErrors>,
     /// The errors of states that are no angles, by the name of the state, against the reference after the settling time.
@@ -516,25 +520,11 @@ pub(super) fn segment(outcome: &SegmentOutcome, values: &[ValueState]) -> Segmen
             })
             .collect(),
         sign_is_hidden: estimate.sign_is_hidden,
-        arbitrary_signs: arbitrary_signs(&estimate.trajectories),
+        arbitrary: ArbitraryBranches::of(&estimate.trajectories),
         remarks: estimate.remarks.clone(),
         likeliest: likeliest(&estimators),
         estimators,
     }
-}
-
-/// The first state of each group whose sign is arbitrary in one of these answers.
-fn arbitrary_signs(trajectories: &[Trajectory]) -> Vec<&'static str> {
-    let mut names = Vec::new();
-    for trajectory in trajectories.iter().filter(|trajectory| trajectory.kind != TrajectoryKind::ModelAlone) {
-        let first = |group: &Vec<usize>| trajectory.states.get(*group.first()?).map(|state| state.name);
-        for name in trajectory.hidden_signs.iter().filter_map(first) {
-            if !names.contains(&name) {
-                names.push(name);
-            }
-        }
-    }
-    names
 }
 
 fn drive(sine: Sine) -> DriveMetrics {
@@ -570,6 +560,7 @@ fn estimator(
         parameter_correlations: trajectory.parameter_correlations.clone(),
         uncertainty_budget: budgets,
         answer: Vec::new(),
+        arbitrary: ArbitraryBranches::of(std::slice::from_ref(trajectory)).in_words(),
         errors: errors.clone(),
         values: values.clone(),
         consistency: consistency(trajectory, estimate),

@@ -1,6 +1,7 @@
 //! Results: what is computed from an outcome, and the files and pictures that it becomes.
 
 mod answer;
+mod arbitrary;
 mod diagnosis;
 mod in_memory;
 mod marks;
@@ -18,6 +19,7 @@ mod verdict;
 
 pub use answer::{AnsweredMotion, QuantityAnswer, summary_text};
 pub(crate) use answer::{shown_for_people, value_and_sd};
+pub use arbitrary::ArbitraryBranches;
 #[cfg(feature = "report")]
 pub use diagnosis::diagnosis_page;
 pub use in_memory::{Estimated, number_check, number_check_of};

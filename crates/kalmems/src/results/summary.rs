@@ -426,10 +426,7 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
 
 /// What is said of signs that the signals do not tell.
 fn of_the_signs(segment: &SegmentMetrics) -> Option<String> {
-    let names: Vec<String> = segment.arbitrary_signs.iter().map(|name| format!("`{name}`")).collect();
-    if names.is_empty() {
-        return None;
-    }
+    let arbitrary = segment.arbitrary.sentence()?;
     let stated = if segment.sign_is_hidden {
         "`first_peak` in `[estimate]` states it"
     } else {
@@ -438,10 +435,7 @@ fn of_the_signs(segment: &SegmentMetrics) -> Option<String> {
     let compared = segment.estimators.iter().any(|one| one.errors.is_some() || !one.values.is_empty());
     let by_reference =
         if compared { "; the errors are those of the sign that is nearer to the reference" } else { "" };
-    Some(format!(
-        "the signal is the same for the other sign of {}: the sign of the estimate is arbitrary; {stated}{by_reference}",
-        names.join(" and of ")
-    ))
+    Some(format!("{arbitrary}; {stated}{by_reference}"))
 }
 
 /// The place of a notice among others: the worst has the largest.
@@ -809,6 +803,9 @@ fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<Notice> {
     if why.is_empty() && !goes_the_other_way {
         let found = estimator.consistency.as_ref();
         why.extend(found.map(|consistency| because(of_the_mean_nis(estimator, consistency))));
+    }
+    if let Some(first) = why.first_mut().filter(|_| !estimator.arbitrary.is_empty()) {
+        first.text += &format!("; arbitrary: {}", estimator.arbitrary.join(", "));
     }
     why
 }

@@ -232,7 +232,7 @@ fn an_uncertain_number_counts_alike_whether_the_sign_is_stated_or_not() {
         let metrics = metrics(&from_signal(&text));
         let found = only(&metrics);
         let of_angle = found.uncertainty_budget.iter().find(|budget| budget.state == "angle").unwrap();
-        (serde_json::to_value(of_angle).unwrap(), metrics.recordings[0].segments[0].arbitrary_signs.clone())
+        (serde_json::to_value(of_angle).unwrap(), metrics.recordings[0].segments[0].arbitrary.signs.clone())
     });
     assert_eq!(budgets[0].0, budgets[1].0);
     assert_eq!((budgets[0].1.len(), &*budgets[1].1), (0, &["angle"][..]));

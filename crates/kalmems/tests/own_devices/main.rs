@@ -13,6 +13,7 @@ mod export_faults;
 mod export_project;
 mod export_table;
 mod further_devices;
+mod hidden_branches;
 mod input_rate;
 mod measured_devices;
 mod measured_outliers;
