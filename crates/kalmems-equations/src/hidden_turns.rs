@@ -212,7 +212,9 @@ fn null_space(rows: &[TurnRow], columns: usize) -> Vec<Vec<f64>> {
         if value.abs() <= NOTHING {
             continue;
         }
-        left.iter_mut().for_each(|left| *left /= value);
+        for left in &mut left {
+            *left /= value;
+        }
         for (_, other) in &mut reduced {
             let factor = other[pivot];
             other.iter_mut().zip(&left).for_each(|(other, left)| *other -= factor * left);

@@ -427,14 +427,19 @@ pub fn notices(metrics: &Metrics) -> Vec<Notice> {
 /// What is said of signs that the signals do not tell.
 fn of_the_signs(segment: &SegmentMetrics) -> Option<String> {
     let arbitrary = segment.arbitrary.sentence()?;
+    let has_signs_alone = segment.arbitrary.half_turns.is_empty() && segment.arbitrary.turns.is_empty();
+    let branch = if has_signs_alone { "sign" } else { "branch" };
     let stated = if segment.sign_is_hidden {
-        "`first_peak` in `[estimate]` states it"
+        "`first_peak` in `[estimate]` states it".to_owned()
     } else {
-        "a start whose sign is known states it"
+        format!("a start whose {branch} is known states it")
     };
     let compared = segment.estimators.iter().any(|one| one.errors.is_some() || !one.values.is_empty());
-    let by_reference =
-        if compared { "; the errors are those of the sign that is nearer to the reference" } else { "" };
+    let by_reference = if compared {
+        format!("; the errors are those of the {branch} that is nearer to the reference")
+    } else {
+        String::new()
+    };
     Some(format!("{arbitrary}; {stated}{by_reference}"))
 }
 

@@ -90,6 +90,7 @@ fn half_a_turn_of_a_phase_of_which_the_signal_has_the_double_is_arbitrary() {
     let text = said(&other);
     assert!(text.contains("the signal is the same for half a turn more of `phi`"), "{text}");
     assert!(text.contains("; arbitrary: half a turn of `phi`"), "{text}");
+    assert!(text.contains("those of the branch that is nearer to the reference"), "{text}");
 }
 
 /// A free decay that is seen squared, without a table `angles`.
