@@ -2,9 +2,9 @@
 
 use super::gaussian::Refusal;
 use super::linearized::held_state;
-use super::sigma::{Offsets, SigmaPoints, Weights, sees};
+use super::sigma::{Offsets, PerSigmaPoint, SigmaPoints, Weights, sees};
 use super::{Filter, Gaussian, Innovation, StateTransition};
-use crate::linalg::Ldl;
+use crate::linalg::{Ldl, Semidefinite, times_inverse};
 use crate::notation::{lower, matrix, sum, vector};
 use crate::update::{Correction, Policy};
 use crate::{Cholesky, Covariance, FilterError, Mat, NumericMeasurement, NumericProcess, Scalar};
@@ -12,7 +12,7 @@ use crate::{Cholesky, Covariance, FilterError, Mat, NumericMeasurement, NumericP
 /// The unscented Kalman filter with additive noise: sigma points through the models, no Jacobian.
 ///
 /// The points are drawn anew from the predicted mean and covariance before an update. Without that, process
-/// noise would be missing from them, and on a linear system the filter would differ from the Kalman filter.
+/// noise would be missing from them, and on a linear system the filter would differ from the Kalman filter. The covariance may be singular.
 ///
 /// ```
 /// use kalmems_core::{Covariance, Filter, LinearMeasurement, LinearProcess, Mat, SigmaPoints, Ukf};
@@ -40,11 +40,28 @@ impl<T: Scalar, const N: usize> Ukf<T, N> {
         Self { state: Gaussian { mean, covariance }, weights: points.weights::<N>() }
     }
 
-    /// How far the points lie out, and whether the covariance has a Cholesky factor.
+    /// How far the points lie out, whether there are such, and the factor of a covariance that is singular.
     #[inline(always)]
-    fn offsets(&self) -> (Offsets<T, N>, bool) {
+    fn offsets(&self) -> (Offsets<T, N>, bool, Option<Mat<T, N, N>>) {
         let cholesky = Cholesky::of(&self.state.covariance);
-        (self.weights.offsets(&cholesky.factor), cholesky.positive)
+        if cholesky.positive {
+            return (self.weights.offsets(&cholesky.factor), true, None);
+        }
+        let Semidefinite { root, sound } = Semidefinite::of(&self.state.covariance);
+        (self.weights.offsets(&root), sound, Some(root))
+    }
+
+    /// The regression of the new state on an old one whose covariance L·Lᵀ is singular, from the differences of pairs of points; zero along what was known.
+    #[cold]
+    #[inline(never)]
+    fn regression_of_singular(
+        &self,
+        deviations: &PerSigmaPoint<T, N, N>,
+        factor: &Mat<T, N, N>,
+    ) -> Mat<T, N, N> {
+        let part = (self.weights.spread.twice()).recip();
+        let differences = matrix!(|i, j| (deviations.plus[j][i] - deviations.minus[j][i]) * part);
+        times_inverse(&differences, factor)
     }
 }
 
@@ -58,7 +75,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         u: &P::Input,
     ) -> Result<StateTransition<T, N>, FilterError> {
         let before = self.state.covariance;
-        let (offsets, positive) = self.offsets();
+        let (offsets, positive, singular) = self.offsets();
         let points = offsets.step(&self.state.mean, process, u);
         let mean = self.weights.mean(&points, |_| true);
         let deviations = points.deviations(&mean);
@@ -70,10 +87,14 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         self.state.accept(&next, Refusal { covariance: !positive, ..Refusal::none() })?;
 
         // The regression of the new state on the old: F = Cov(x′, x)·P⁻¹.
-        let ldl = Ldl::of(&before);
-        let transition: Mat<T, N, N> = Mat(vector!(|i| {
-            ldl.solve(&vector!(|k| self.weights.cross(&offsets, &deviations, (k, i), |_| true)))
-        }));
+        let transition = if let Some(factor) = singular {
+            self.regression_of_singular(&deviations, &factor)
+        } else {
+            let ldl = Ldl::of(&before);
+            Mat(vector!(|i| {
+                ldl.solve(&vector!(|k| self.weights.cross(&offsets, &deviations, (k, i), |_| true)))
+            }))
+        };
         // Ω from what the regression leaves at each point: a sum of squares, where the difference P⁻ − F·P·Fᵀ
         // would leave rounding of the size of P⁻ in place of a small Ω.
         let residuals = offsets.unexplained(&deviations, &transition);
@@ -91,7 +112,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         r: &Covariance<T, M>,
         policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
-        let (offsets, positive) = self.offsets();
+        let (offsets, positive, _) = self.offsets();
         let x = self.state.mean;
         let points = offsets.read::<H, M>(&x, measurement);
         let predicted = self.weights.mean(&points, sees::<T, H, N, M>);
