@@ -454,7 +454,9 @@ impl Resets {
         let mut margin = crossing.linearize(at, inputs, slopes);
         if is_below {
             margin = -margin;
-            slopes.iter_mut().for_each(|slope| *slope = -*slope);
+            for slope in slopes.iter_mut() {
+                *slope = -*slope;
+            }
         }
         (margin.is_finite() && slopes.iter().all(|slope| slope.is_finite())).then_some(margin)
     }

@@ -1,5 +1,7 @@
 //! The step of a filter through a reset that has happened or not, as far as the filter knows.
 
+#![allow(clippy::needless_range_loop)] // for each sample: an adapter of iterators is a call
+
 use super::kinks::{Led, OneStep, each_step};
 use super::model::{EquationModel, Interval, StateNumbers};
 use crate::estimate::Transition;

@@ -361,10 +361,23 @@ fn what_is_wrong_of_a_reset_is_named() {
     assert!(unknown.contains("a state, which a reset sets"), "{unknown}");
     let driven = refused("x - stop", "x - stop*drive/1[V]");
     assert!(driven.contains("depends on an input"), "{driven}");
-    for method in ["steady_state", "kalman_bucy"] {
-        let gain = refused("method = \"ekf\"", &format!("method = \"{method}\""));
-        assert!(gain.contains("a gain for all times") && gain.contains("use `ekf` or `ukf`"), "{gain}");
-    }
     let resting = refused("x - stop", "stop");
     assert!(resting.contains("does not depend on a state"), "{resting}");
+}
+
+#[test]
+fn a_gain_for_all_times_is_refused() {
+    let (experiment, recording, _) = recorded(BOUNCER);
+    for method in ["steady_state", "kalman_bucy"] {
+        let text = experiment.to_toml().unwrap().replace("\"ekf\"", &format!("\"{method}\""));
+        let experiment = parsed(&text);
+        let why = match published().rig(&experiment) {
+            Ok(rig) => rig.estimate(&experiment, 0, &recording, &Silent).err().unwrap().to_string(),
+            Err(why) => why.to_string(),
+        };
+        assert!(
+            why.contains("a gain for all times does not follow") && why.contains("use `ekf` or `ukf`"),
+            "{why}"
+        );
+    }
 }
