@@ -4,7 +4,7 @@ use super::gaussian::Refusal;
 use super::linearized::held_state;
 use super::sigma::{Offsets, PerSigmaPoint, SigmaPoints, Weights, sees};
 use super::{Filter, Gaussian, Innovation, StateTransition};
-use crate::linalg::{Ldl, Semidefinite, times_inverse};
+use crate::linalg::{Ldl, Semidefinite, epsilon, times_inverse};
 use crate::notation::{lower, matrix, sum, vector};
 use crate::update::{Correction, Policy};
 use crate::{Cholesky, Covariance, FilterError, Mat, NumericMeasurement, NumericProcess, Scalar};
@@ -47,8 +47,24 @@ impl<T: Scalar, const N: usize> Ukf<T, N> {
         if cholesky.positive {
             return (self.weights.offsets(&cholesky.factor), true, None);
         }
-        let Semidefinite { root, sound } = Semidefinite::of(&self.state.covariance);
-        (self.weights.offsets(&root), sound, Some(root))
+        let (root, is_one) = self.root_of_singular();
+        (self.weights.offsets(&root), is_one, Some(root))
+    }
+
+    /// The factor L of a covariance that is singular to rounding, and whether it is one: L·Lᵀ must be the covariance again.
+    #[cold]
+    #[inline(never)]
+    fn root_of_singular(&self) -> (Mat<T, N, N>, bool) {
+        let p = &self.state.covariance;
+        let Semidefinite { root, mut sound } = Semidefinite::of(p);
+        let rounding = (epsilon::<T>() * T::of(64.0 * N as f64)).sq();
+        for i in 0..N {
+            for j in 0..=i {
+                let off = sum!(j + 1, |k| root.0[i][k] * root.0[j][k]) - p.get(i, j);
+                sound &= !off.sq().gt(rounding * p.get(i, i) * p.get(j, j));
+            }
+        }
+        (root, sound)
     }
 
     /// The regression of the new state on an old one whose covariance L·Lᵀ is singular, from the differences of pairs of points; zero along what was known.

@@ -307,7 +307,7 @@ fn filters_claim_what_their_errors_are_through_backlash() {
 }
 
 #[test]
-#[ignore = "long: half a minute"]
+#[ignore = "long: two minutes"]
 fn long_filters_claim_what_their_errors_are_through_resets() {
     hold_claims(BOUNCER, &OF_BOUNCER, (600..630, 250));
     hold_claims(THERMOSTAT, &OF_THERMOSTAT, (600..612, 35));
