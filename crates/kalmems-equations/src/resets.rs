@@ -7,6 +7,7 @@ use crate::graph::{Graph, Node, NodeId, Variable};
 use crate::motion::{MOST_STATES, Motion, StepTables, padded};
 use crate::program::ProgramNumbers;
 use crate::readout::Reading;
+use crate::reset_path::{MOST_KEPT, ResetPath};
 use kalmems_core::Nodes;
 use std::collections::HashMap;
 
@@ -30,6 +31,15 @@ impl CrossingDirection {
             Self::Rising => rises,
             Self::Falling => falls,
             Self::Either => rises || falls,
+        }
+    }
+
+    /// Whether it can pass from this side.
+    const fn is_from(self, is_below: bool) -> bool {
+        match self {
+            Self::Rising => is_below,
+            Self::Falling => !is_below,
+            Self::Either => true,
         }
     }
 }
@@ -58,6 +68,19 @@ pub struct Resets {
     /// The rates on either side of each of these places.
     sides: Option<Sides>,
     tables: StepTables,
+    /// What is known of the path that is followed.
+    path: Option<ResetPath>,
+    room: ResetRoom,
+}
+
+/// Square matrices that a step with resets works on.
+#[derive(Clone, Debug, Default)]
+struct ResetRoom {
+    /// The derivatives at a reset by the state where the step began, and of the part of the step before it.
+    before: Vec<f64>,
+    slopes: Vec<f64>,
+    saltation: Vec<f64>,
+    product: Vec<f64>,
 }
 
 /// The motion by rates whose choices by a state stay as they are until the state has passed from one side to the other.
@@ -99,7 +122,7 @@ const TRIALS: usize = 80;
 type States = [f64; MOST_STATES];
 
 impl Device {
-    /// Its resets, with these values of all parameters and with some of these as states of the motion; `None` where it has none.
+    /// Its resets, with these values of all parameters and with some of these as states of the motion; `None` for a device without resets.
     ///
     /// # Errors
     ///
@@ -116,7 +139,7 @@ impl Device {
             Ok(Reset { passing: reset.passing, crossing: reading(reset.crossing)?, set })
         };
         let all: Vec<Reset> = self.resets.iter().map(one).collect::<Result<_, EquationError>>()?;
-        Ok((!all.is_empty()).then(|| Resets { all, sides: None, tables: motion.tables() }))
+        Ok((!all.is_empty()).then(|| Resets::new(all, None, motion.tables())))
     }
 
     /// The places at which its rates have a kink or jump as a state passes them, with these values of all parameters and with some of these as
@@ -140,7 +163,8 @@ impl Device {
         let all = compared.iter().map(crossing).collect::<Result<_, EquationError>>()?;
         let motion = self.motion_of((graph, &rates), free, compared.len())?;
         let (work, held) = (motion.work(parameters), vec![1.0; compared.len()]);
-        Ok(Some(Resets { all, tables: motion.tables(), sides: Some(Sides { motion, work, first, held }) }))
+        let tables = motion.tables();
+        Ok(Some(Resets::new(all, Some(Sides { motion, work, first, held }), tables)))
     }
 
     /// Whether something happens to its states at once.
@@ -180,13 +204,17 @@ fn by_sides(graph: &mut Graph, rates: &[NodeId], first: usize) -> (Vec<NodeId>, 
 }
 
 impl Resets {
+    fn new(all: Vec<Reset>, sides: Option<Sides>, tables: StepTables) -> Self {
+        Self { all, sides, tables, path: None, room: ResetRoom::default() }
+    }
+
     /// Whether these are the places of kinks.
     pub fn are_kinks(&self) -> bool {
         self.sides.is_some()
     }
 
     /// Takes what a step without resets has led to from x, `to` with its derivatives where there is room for them, for one with all resets
-    /// within the step; of kinks the whole step is taken here. False where a number is not finite, and where more than 16 resets happen in it.
+    /// within the step; of kinks the whole step is taken here. False for a number that is not finite, and for more than 16 resets in it.
     ///
     /// A reset x⁺ = r(x⁻) at the time at which g(x) = 0 moves what is near the motion by the saltation matrix
     /// ∂r/∂x + (f⁺ − ∂r/∂x·f⁻)·(∂g/∂x)/(∂g/∂x·f⁻), with the rates f⁻ and f⁺ before and behind it (Aizerman & Gantmakher, 1958; Kong, Payne,
@@ -198,6 +226,25 @@ impl Resets {
         to: &mut [f64],
         jacobian: &mut [f64],
     ) -> bool {
+        let (path, mut room) = (self.path, std::mem::take(&mut self.room));
+        let finite = self.through(step, (x, to), jacobian, &mut room);
+        self.room = room;
+        match path {
+            Some(path) if path.stays => self.path = Some(path),
+            Some(path) => self.keep_sides(step, &path, (x, to)),
+            None => {}
+        }
+        finite
+    }
+
+    /// See [`follow`](Self::follow).
+    fn through(
+        &mut self,
+        step: &mut ResetStep<'_, '_>,
+        (x, to): (&[f64], &mut [f64]),
+        jacobian: &mut [f64],
+        ResetRoom { before, slopes, saltation, product }: &mut ResetRoom,
+    ) -> bool {
         let size = x.len();
         let mut at: States = padded(x, size);
         let mut from = 0.0;
@@ -207,23 +254,35 @@ impl Resets {
                 return false;
             }
         }
-        // The derivatives of `at` by x, from the first reset on.
-        let mut before = Vec::new();
+        // No derivatives of `at` by x before the first reset.
+        before.clear();
+        for room in [&mut *slopes, &mut *product] {
+            room.clear();
+            room.resize(jacobian.len(), 0.0);
+        }
+        saltation.resize(size * size, 0.0);
         for _ in 0..=MOST_RESETS {
             let Some((reset, part)) = self.first(step, &at[..size], to, from) else { return true };
-            let mut slopes = vec![0.0; if jacobian.is_empty() { 0 } else { size * size }];
             let mut event = [0.0; MOST_STATES];
             let event = &mut event[..size];
-            if !self.lead(step, &at[..size], (from, part), event, &mut slopes) {
+            if !self.lead(step, &at[..size], (from, part), event, slopes) {
                 return false;
             }
             from += part;
             let mut behind = [0.0; MOST_STATES];
-            let jumped = self.jump(step, (reset, from), event, &mut behind[..size]);
-            let Some(saltation) = jumped else { return false };
+            if !self.jump(step, (reset, from), (event, &mut behind[..size]), saltation) {
+                return false;
+            }
+            if let Some(path) = &mut self.path {
+                path.take(reset);
+            }
             if !slopes.is_empty() {
-                let led = if before.is_empty() { slopes } else { product(&slopes, &before, size) };
-                before = product(&saltation, &led, size);
+                if !before.is_empty() {
+                    put_product(slopes, before, product, size);
+                    slopes.copy_from_slice(product);
+                }
+                before.resize(size * size, 0.0);
+                put_product(saltation, slopes, before, size);
             }
             at = behind;
             // What is left of the step.
@@ -231,7 +290,7 @@ impl Resets {
             if left <= 0.0 {
                 to.copy_from_slice(&at[..size]);
                 if !jacobian.is_empty() {
-                    jacobian.copy_from_slice(&before);
+                    jacobian.copy_from_slice(before);
                 }
                 return true;
             }
@@ -239,14 +298,14 @@ impl Resets {
                 return false;
             }
             if !jacobian.is_empty() {
-                let whole = product(jacobian, &before, size);
-                jacobian.copy_from_slice(&whole);
+                put_product(jacobian, before, product, size);
+                jacobian.copy_from_slice(product);
             }
         }
         false
     }
 
-    /// The first reset on the way from `at`, and the part of the step that leads to it; `None` where there is none.
+    /// The first reset on the way from `at`, and the part of the step that leads to it; `None` without a reset on the way.
     fn first(
         &mut self,
         step: &mut ResetStep<'_, '_>,
@@ -256,7 +315,10 @@ impl Resets {
     ) -> Option<(usize, f64)> {
         let mut first: Option<(usize, f64)> = None;
         for place in 0..self.all.len() {
-            let before = self.compared(step, place, (at, from));
+            if self.path.is_some_and(|path| path.holds_back(place)) {
+                continue;
+            }
+            let before = self.before(step, place, (at, from));
             let mut after = self.compared(step, place, (to, 1.0));
             if !self.has_passed(place, before, after) {
                 continue;
@@ -306,6 +368,102 @@ impl Resets {
             Some(held) => (*held < 0.0) != (after < 0.0),
             None => self.all[place].passing.is_between(before, after),
         }
+    }
+
+    /// What passes zero where a reset happens, where a part of the step begins: at the beginning of the whole step on the side of the path. A state that has
+    /// been moved past zero without a reset is on the edge of it, if the motion goes the same way, and elsewhere nothing passes.
+    fn before(&mut self, step: &mut ResetStep<'_, '_>, place: usize, (at, from): (&[f64], f64)) -> f64 {
+        let value = self.compared(step, place, (at, from));
+        let is_below = self.path.filter(|_| from == 0.0).and_then(|path| path.is_below(place));
+        let Some(is_below) = is_below.filter(|is_below| value != 0.0 && *is_below != (value < 0.0)) else {
+            return value;
+        };
+        let edge = if is_below { -f64::MIN_POSITIVE } else { f64::MIN_POSITIVE };
+        if (self.growth(step, place, (at, from)) < 0.0) == is_below { 0.0 } else { edge }
+    }
+
+    /// How fast what passes zero grows per s at a state and a share of the step.
+    fn growth(&mut self, step: &mut ResetStep<'_, '_>, place: usize, (at, share): (&[f64], f64)) -> f64 {
+        let (mut rates, mut slopes) = ([0.0; MOST_STATES], [0.0; MOST_STATES]);
+        let mut inputs = [0.0; MOST_STATES];
+        let inputs = &mut inputs[..step.inputs.start.len().min(MOST_STATES)];
+        inputs_at(step.inputs, share, inputs);
+        self.rates(step, at, inputs, &mut rates[..at.len()]);
+        self.all[place].crossing.linearize(at, inputs, &mut slopes[..at.len()]);
+        rates.iter().zip(&slopes).map(|(rate, slope)| rate * slope).sum()
+    }
+
+    /// Leads the sides of the path from where a step began, on `before`, to where it ends.
+    fn keep_sides(&mut self, step: &ResetStep<'_, '_>, before: &ResetPath, (from, to): (&[f64], &[f64])) {
+        for place in 0..self.all.len().min(MOST_KEPT) {
+            let (start, end) =
+                (self.compared(step, place, (from, 0.0)), self.compared(step, place, (to, 1.0)));
+            let Some((path, was_below)) = self.path.as_mut().zip(before.is_below(place)) else { return };
+            let passing = self.all[place].passing;
+            let has_happened = path.happened(place) != before.happened(place);
+            let was_moved = start != 0.0 && (start < 0.0) != was_below && (start < 0.0) == (end < 0.0);
+            let is_below = if end == 0.0 {
+                if has_happened { !was_below } else { was_below }
+            } else if has_happened || !was_moved {
+                end < 0.0
+            } else if passing.is_from(was_below) || end.abs() <= start.abs() {
+                // It is still to pass, or on its way back to where it has passed.
+                was_below
+            } else {
+                end < 0.0
+            };
+            *path = path.with_side(place, is_below);
+        }
+    }
+
+    /// Goes on along a path; `None` where the signs of the expressions are the sides.
+    pub const fn set_path(&mut self, path: Option<ResetPath>) {
+        self.path = path;
+    }
+
+    /// The path that was set, led on by the steps since then.
+    pub const fn path(&self) -> Option<ResetPath> {
+        self.path
+    }
+
+    /// How many there are, of which paths keep the sides.
+    pub fn kept(&self) -> usize {
+        if self.are_kinks() { 0 } else { self.all.len().min(MOST_KEPT) }
+    }
+
+    /// The sides at a state under inputs, a bit for each reset.
+    pub fn sides_at(&mut self, at: &[f64], inputs: &[f64]) -> ResetPath {
+        let kept = self.kept();
+        let below = self.all.iter_mut().take(kept).map(|reset| reset.crossing.read(at, inputs) < 0.0);
+        below.enumerate().fold(ResetPath::default(), |path, (reset, below)| path.with_side(reset, below))
+    }
+
+    /// How far a state is from a reset that can happen from the side of a path: what falls to zero there, with its derivatives. `None` of one that has
+    /// happened, and of what is not finite.
+    pub fn margin(
+        &mut self,
+        (reset, path): (usize, &ResetPath),
+        (at, inputs): (&[f64], &[f64]),
+        slopes: &mut [f64],
+    ) -> Option<f64> {
+        let is_below = path.is_below(reset)?;
+        let Reset { passing, crossing, .. } = self.all.get_mut(reset)?;
+        if !passing.is_from(is_below) {
+            return None;
+        }
+        let mut margin = crossing.linearize(at, inputs, slopes);
+        if is_below {
+            margin = -margin;
+            for slope in slopes.iter_mut() {
+                *slope = -*slope;
+            }
+        }
+        (margin.is_finite() && slopes.iter().all(|slope| slope.is_finite())).then_some(margin)
+    }
+
+    /// What passes zero where a reset happens, at a state under inputs, with its derivatives.
+    pub fn crossing(&mut self, reset: usize, (at, inputs): (&[f64], &[f64]), slopes: &mut [f64]) -> f64 {
+        self.all.get_mut(reset).map_or(f64::NAN, |reset| reset.crossing.linearize(at, inputs, slopes))
     }
 
     /// What passes zero where a reset happens, at a state and a share of the step.
@@ -377,42 +535,45 @@ impl Resets {
         }
     }
 
-    /// The states behind a reset and its saltation matrix; `None` where a number is not finite.
+    /// The states behind a reset and its saltation matrix; false where a number is not finite.
     fn jump(
         &mut self,
         step: &mut ResetStep<'_, '_>,
         (reset, when): (usize, f64),
-        event: &[f64],
-        behind: &mut [f64],
-    ) -> Option<Vec<f64>> {
+        (event, behind): (&[f64], &mut [f64]),
+        saltation: &mut [f64],
+    ) -> bool {
         let size = event.len();
         let mut inputs = [0.0; MOST_STATES];
         let count = step.inputs.start.len().min(MOST_STATES);
         let inputs = &mut inputs[..count];
         inputs_at(step.inputs, when, inputs);
         behind.copy_from_slice(event);
-        let mut saltation = vec![0.0; size * size];
+        saltation.fill(0.0);
         (0..size).for_each(|k| saltation[k * (size + 1)] = 1.0);
-        let mut normal = vec![0.0; size];
+        let mut normal = [0.0; MOST_STATES];
+        let normal = &mut normal[..size];
         let Reset { crossing, set, .. } = &mut self.all[reset];
         for (state, reading) in set {
             behind[*state] =
                 reading.linearize(event, inputs, &mut saltation[*state * size..(*state + 1) * size]);
         }
-        crossing.linearize(event, inputs, &mut normal);
+        let value = crossing.linearize(event, inputs, normal);
         let (mut before, mut after) = ([0.0; MOST_STATES], [0.0; MOST_STATES]);
         let mut finite = self.rates(step, event, inputs, &mut before[..size]);
         self.hold(step, behind, when);
         finite &= self.rates(step, behind, inputs, &mut after[..size]);
         let speed: f64 = normal.iter().zip(&before).map(|(n, f)| n * f).sum();
-        for (row, after) in saltation.chunks_exact_mut(size).zip(&after) {
+        // One that a correction has moved past zero passed it some time before.
+        let ago_s = self.path.map_or(0.0, |_| (value / speed).clamp(0.0, step.length_s));
+        for ((row, after), behind) in saltation.chunks_exact_mut(size).zip(&after).zip(behind.iter_mut()) {
             let moved: f64 = row.iter().zip(&before).map(|(slope, f)| slope * f).sum();
-            for (entry, n) in row.iter_mut().zip(&normal) {
+            *behind += (after - moved) * ago_s;
+            for (entry, n) in row.iter_mut().zip(&*normal) {
                 *entry += (after - moved) * n / speed;
             }
         }
-        let is_finite = finite && saltation.iter().chain(behind.iter()).all(|value| value.is_finite());
-        is_finite.then_some(saltation)
+        finite && saltation.iter().chain(behind.iter()).all(|value| value.is_finite())
     }
 }
 
@@ -425,13 +586,11 @@ fn inputs_at(Nodes { start, middle, end }: &Nodes<&[f64]>, share: f64, to: &mut 
     }
 }
 
-/// The product of two square matrices, row by row.
-fn product(a: &[f64], b: &[f64], size: usize) -> Vec<f64> {
-    let mut all = vec![0.0; size * size];
+/// Writes the product of two square matrices, row by row.
+fn put_product(a: &[f64], b: &[f64], to: &mut [f64], size: usize) {
     for i in 0..size {
         for j in 0..size {
-            all[i * size + j] = (0..size).map(|k| a[i * size + k] * b[k * size + j]).sum();
+            to[i * size + j] = (0..size).map(|k| a[i * size + k] * b[k * size + j]).sum();
         }
     }
-    all
 }

@@ -2,9 +2,9 @@
 
 use super::gaussian::Refusal;
 use super::linearized::held_state;
-use super::sigma::{Offsets, SigmaPoints, Weights, sees};
+use super::sigma::{Offsets, PerSigmaPoint, SigmaPoints, Weights, sees};
 use super::{Filter, Gaussian, Innovation, StateTransition};
-use crate::linalg::Ldl;
+use crate::linalg::{Ldl, Semidefinite, epsilon, times_inverse};
 use crate::notation::{lower, matrix, sum, vector};
 use crate::update::{Correction, Policy};
 use crate::{Cholesky, Covariance, FilterError, Mat, NumericMeasurement, NumericProcess, Scalar};
@@ -12,7 +12,7 @@ use crate::{Cholesky, Covariance, FilterError, Mat, NumericMeasurement, NumericP
 /// The unscented Kalman filter with additive noise: sigma points through the models, no Jacobian.
 ///
 /// The points are drawn anew from the predicted mean and covariance before an update. Without that, process
-/// noise would be missing from them, and on a linear system the filter would differ from the Kalman filter.
+/// noise would be missing from them, and on a linear system the filter would differ from the Kalman filter. The covariance may be singular.
 ///
 /// ```
 /// use kalmems_core::{Covariance, Filter, LinearMeasurement, LinearProcess, Mat, SigmaPoints, Ukf};
@@ -40,11 +40,44 @@ impl<T: Scalar, const N: usize> Ukf<T, N> {
         Self { state: Gaussian { mean, covariance }, weights: points.weights::<N>() }
     }
 
-    /// How far the points lie out, and whether the covariance has a Cholesky factor.
+    /// How far the points lie out, whether there are such, and the factor of a covariance that is singular.
     #[inline(always)]
-    fn offsets(&self) -> (Offsets<T, N>, bool) {
+    fn offsets(&self) -> (Offsets<T, N>, bool, Option<Mat<T, N, N>>) {
         let cholesky = Cholesky::of(&self.state.covariance);
-        (self.weights.offsets(&cholesky.factor), cholesky.positive)
+        if cholesky.positive {
+            return (self.weights.offsets(&cholesky.factor), true, None);
+        }
+        let (root, is_one) = self.root_of_singular();
+        (self.weights.offsets(&root), is_one, Some(root))
+    }
+
+    /// The factor L of a covariance that is singular to rounding, and whether it is one: L·Lᵀ must be the covariance again.
+    #[cold]
+    #[inline(never)]
+    fn root_of_singular(&self) -> (Mat<T, N, N>, bool) {
+        let p = &self.state.covariance;
+        let Semidefinite { root, mut sound } = Semidefinite::of(p);
+        let rounding = (epsilon::<T>() * T::of(64.0 * N as f64)).sq();
+        for i in 0..N {
+            for j in 0..=i {
+                let off = sum!(j + 1, |k| root.0[i][k] * root.0[j][k]) - p.get(i, j);
+                sound &= !off.sq().gt(rounding * p.get(i, i) * p.get(j, j));
+            }
+        }
+        (root, sound)
+    }
+
+    /// The regression of the new state on an old one whose covariance L·Lᵀ is singular, from the differences of pairs of points; zero along what was known.
+    #[cold]
+    #[inline(never)]
+    fn regression_of_singular(
+        &self,
+        deviations: &PerSigmaPoint<T, N, N>,
+        factor: &Mat<T, N, N>,
+    ) -> Mat<T, N, N> {
+        let part = (self.weights.spread.twice()).recip();
+        let differences = matrix!(|i, j| (deviations.plus[j][i] - deviations.minus[j][i]) * part);
+        times_inverse(&differences, factor)
     }
 }
 
@@ -58,7 +91,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         u: &P::Input,
     ) -> Result<StateTransition<T, N>, FilterError> {
         let before = self.state.covariance;
-        let (offsets, positive) = self.offsets();
+        let (offsets, positive, singular) = self.offsets();
         let points = offsets.step(&self.state.mean, process, u);
         let mean = self.weights.mean(&points, |_| true);
         let deviations = points.deviations(&mean);
@@ -70,10 +103,14 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         self.state.accept(&next, Refusal { covariance: !positive, ..Refusal::none() })?;
 
         // The regression of the new state on the old: F = Cov(x′, x)·P⁻¹.
-        let ldl = Ldl::of(&before);
-        let transition: Mat<T, N, N> = Mat(vector!(|i| {
-            ldl.solve(&vector!(|k| self.weights.cross(&offsets, &deviations, (k, i), |_| true)))
-        }));
+        let transition = if let Some(factor) = singular {
+            self.regression_of_singular(&deviations, &factor)
+        } else {
+            let ldl = Ldl::of(&before);
+            Mat(vector!(|i| {
+                ldl.solve(&vector!(|k| self.weights.cross(&offsets, &deviations, (k, i), |_| true)))
+            }))
+        };
         // Ω from what the regression leaves at each point: a sum of squares, where the difference P⁻ − F·P·Fᵀ
         // would leave rounding of the size of P⁻ in place of a small Ω.
         let residuals = offsets.unexplained(&deviations, &transition);
@@ -91,7 +128,7 @@ impl<T: Scalar, const N: usize> Filter<T, N> for Ukf<T, N> {
         r: &Covariance<T, M>,
         policy: &impl Policy<T, N>,
     ) -> Result<Innovation<T, M>, FilterError> {
-        let (offsets, positive) = self.offsets();
+        let (offsets, positive, _) = self.offsets();
         let x = self.state.mean;
         let points = offsets.read::<H, M>(&x, measurement);
         let predicted = self.weights.mean(&points, sees::<T, H, N, M>);

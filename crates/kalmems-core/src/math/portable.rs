@@ -75,6 +75,8 @@ portable! {
     portable_tanh() = libm::tanh;
     /// The number that has this hyperbolic sine.
     portable_asinh() = libm::asinh;
+    /// The complementary error function, 2/√π·∫e^(−t²)dt from this number on, accurate where it is small.
+    portable_erfc() = libm::erfc;
     /// The cube root.
     portable_cbrt() = libm::cbrt;
     /// xʸ.

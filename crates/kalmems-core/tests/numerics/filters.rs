@@ -231,13 +231,50 @@ fn what_cannot_be_used_is_refused_and_leaves_the_state() {
     assert_eq!((ekf.mean(), ekf.covariance()), (&start.0, start.1));
     assert_eq!((ukf.mean(), ukf.covariance()), (&start.0, start.1));
 
-    let mut flat = Ukf::new(start.0, Covariance::zero(), SigmaPoints::standard());
-    assert_eq!(flat.update(&position, &[1.0], &r).unwrap_err(), FilterError::CovarianceNotPositive);
-    assert_eq!(flat.predict(&explode, &[0.0]).unwrap_err(), FilterError::CovarianceNotPositive);
-    // An EKF may know something exactly.
+    // A correlation of two.
+    let no_covariance = Covariance::from_lower(Mat([[1.0, 0.0], [2.0, 1.0]]));
+    let mut odd = Ukf::new(start.0, no_covariance, SigmaPoints::standard());
+    assert_eq!(odd.update(&position, &[1.0], &r).unwrap_err(), FilterError::CovarianceNotPositive);
+    assert_eq!(odd.predict(&explode, &[0.0]).unwrap_err(), FilterError::CovarianceNotPositive);
+    // Filters may know something exactly.
     let mut certain = Ekf::new(start.0, Covariance::zero());
     certain.update(&position, &[5.0], &r).unwrap();
     assert_eq!(certain.mean(), &start.0);
+    let mut flat = Ukf::new(start.0, Covariance::zero(), SigmaPoints::standard());
+    flat.update(&position, &[5.0], &r).unwrap();
+    assert_eq!(flat.mean(), &start.0);
+}
+
+#[test]
+fn an_unscented_filter_of_a_singular_covariance_is_the_kalman_filter() {
+    // The second state is known exactly, and the third is twice the first.
+    let known = Mat([[4.0, 0.0, 0.0], [0.0, 0.0, 0.0], [8.0, 0.0, 16.0]]);
+    let start = ([1.0, 2.0, 3.0], Covariance::from_lower(known));
+    let (mut ekf, mut ukf) =
+        (Ekf::new(start.0, start.1), Ukf::new(start.0, start.1, SigmaPoints::standard()));
+    let process = LinearProcess::<f64, 3, 0> {
+        transition: Mat([[0.9, 0.1, 0.0], [0.0, 1.0, 0.0], [0.2, 0.0, 0.8]]),
+        input: Mat::zero(),
+        noise: Covariance::from_variances([0.0, 0.0, 0.5]).into(),
+    };
+    let sensor = LinearMeasurement { matrix: Mat([[1.0, 0.5, 0.25]]) };
+    for y in [1.0, 3.0, 2.0] {
+        let (own, other) =
+            (ukf.predict_linked(&process, &[]).unwrap(), ekf.predict_linked(&process, &[]).unwrap());
+        let r = Covariance::from_variances([0.7]);
+        let nis = [
+            ukf.update(&sensor, &[y], &r).unwrap().nis,
+            Filter::update(&mut ekf, &sensor, &[y], &r).unwrap().nis,
+        ];
+        assert!((nis[0] - nis[1]).abs() < 1e-12, "{nis:?}");
+        for i in 0..3 {
+            assert!((ukf.mean()[i] - ekf.mean()[i]).abs() < 1e-12);
+            for j in 0..3 {
+                assert!((ukf.covariance().get(i, j) - ekf.covariance().get(i, j)).abs() < 1e-12);
+                assert!((own.noise.get(i, j) - other.noise.get(i, j)).abs() < 1e-12);
+            }
+        }
+    }
 }
 
 #[test]

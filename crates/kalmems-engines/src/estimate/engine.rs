@@ -183,6 +183,19 @@ pub trait Filtering {
         self.predict(noise)
     }
 
+    /// On which side of each reset of the device the state has come by its motion, a bit for each; `None` for a device without resets.
+    fn reset_sides(&self) -> Option<u32> {
+        None
+    }
+
+    /// Keeps these sides.
+    fn keep_reset_sides(&mut self, sides: Option<u32>) {
+        let _ = sides;
+    }
+
+    /// Lets a smoother go no further back than here: what is known later says nothing more of the states before.
+    fn part(&mut self) {}
+
     /// Comes to a state that is known of all that it has, whatever was before.
     fn take_over(&mut self, known: &AnyKnownStateStep) -> Result<(), FilterError> {
         self.predict(known)
@@ -632,7 +645,10 @@ impl<const N: usize> FilterRun<N> {
         followed.begun = true;
         if let Some((recovery, loss)) = loss.split_first_chunk() {
             followed.recovery.resume(*recovery);
+            let (loss, sides) = loss.split_at_checked(LossWatch::count(N)).unwrap_or((loss, &[]));
             followed.loss = LossWatch::resumed(loss, N);
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // such a number
+            followed.filter.keep_reset_sides(sides.first().map(|sides| *sides as u32));
         }
         Ok(followed)
     }
@@ -654,9 +670,10 @@ impl<const N: usize> FilterRun<N> {
         self.filter.watched().numbers()
     }
 
-    /// What it knows of its stops and of the loss of its signal, as numbers.
+    /// What it knows of its stops, of the loss of its signal and of the sides of resets, as numbers.
     pub(super) fn loss_numbers(&self) -> Vec<f64> {
-        self.recovery.numbers().into_iter().chain(self.loss.numbers()).collect()
+        let sides = self.filter.reset_sides().map(f64::from);
+        self.recovery.numbers().into_iter().chain(self.loss.numbers()).chain(sides).collect()
     }
 
     /// Follows what another run of the filter rejected, or decides by itself.

@@ -1,12 +1,13 @@
 //! A filter that remembers how it came here.
 
+use super::AnyKnownStateStep;
 use super::any_filter::StateFilter;
 use super::engine::Filtering;
 use super::gate::{Decisions, SampleGate};
 use super::phase_prediction::{PhasePredictor, SizedStatePropagation, StatePropagation};
 use super::step_watch::{STEP_ERROR_SAMPLES, StepFigure, StepWatch};
 use super::transition::{KeptSensor, Sensor, Transition};
-use kalmems_core::{FilterError, Gaussian, Innovation, StateTransition};
+use kalmems_core::{FilterError, Gaussian, Innovation, Mat, StateTransition};
 
 /// A filter that remembers how its state depends on the state before a few predictions: what a smoother needs.
 pub(super) struct LinkedFilter<const N: usize> {
@@ -17,6 +18,8 @@ pub(super) struct LinkedFilter<const N: usize> {
     watch: SampleGate,
     /// How far its steps lead it astray, where that is followed.
     steps: Option<StepWatch<N>>,
+    /// On which side of each reset it is, where its device has some.
+    reset_sides: Option<u32>,
 }
 
 impl<const N: usize> Clone for LinkedFilter<N> {
@@ -27,6 +30,7 @@ impl<const N: usize> Clone for LinkedFilter<N> {
             link: self.link,
             watch: self.watch.clone(),
             steps: self.steps,
+            reset_sides: self.reset_sides,
         }
     }
 }
@@ -40,7 +44,7 @@ impl<const N: usize> From<&LinkedFilter<N>> for Gaussian<f64, N> {
 impl<const N: usize> LinkedFilter<N> {
     /// Without a prediction yet, and how it takes its samples.
     pub(super) fn new(filter: Box<dyn StateFilter<N>>, watch: SampleGate) -> Self {
-        Self { mean: filter.known().mean, filter, link: None, watch, steps: None }
+        Self { mean: filter.known().mean, filter, link: None, watch, steps: None, reset_sides: None }
     }
 
     /// The same, with the error of its steps followed, be it of sigma points or not.
@@ -145,6 +149,23 @@ impl<const N: usize> Filtering for LinkedFilter<N> {
             },
         });
         Ok(())
+    }
+
+    fn reset_sides(&self) -> Option<u32> {
+        self.reset_sides
+    }
+
+    fn keep_reset_sides(&mut self, sides: Option<u32>) {
+        self.reset_sides = sides;
+    }
+
+    fn part(&mut self) {
+        self.link = Some(StateTransition { transition: Mat::zero(), noise: self.filter.known().covariance });
+    }
+
+    fn take_over(&mut self, known: &AnyKnownStateStep) -> Result<(), FilterError> {
+        self.reset_sides = None;
+        self.predict(known)
     }
 
     fn widen(&mut self, noise: &dyn Transition) -> Result<(), FilterError> {

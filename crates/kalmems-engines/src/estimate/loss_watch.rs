@@ -203,11 +203,17 @@ impl LossWatch {
         of_signal.into_iter().chain(rows).chain(counts).chain(states).collect()
     }
 
+    /// How many numbers it is of a filter of so many states.
+    pub(super) const fn count(states: usize) -> usize {
+        SignalWatch::NUMBERS + 11 + 2 * (states + 1)
+    }
+
     /// From such numbers, where they are those of a filter of so many states.
     pub(super) fn resumed(numbers: &[f64], states: usize) -> Self {
         let mut watch = Self::new(states);
-        let count = SignalWatch::NUMBERS + 11 + 2 * (states + 1);
-        let (Some((of_signal, rest)), true) = (numbers.split_first_chunk(), numbers.len() == count) else {
+        let (Some((of_signal, rest)), true) =
+            (numbers.split_first_chunk(), numbers.len() == Self::count(states))
+        else {
             return watch;
         };
         let Some((rows, rest)) = rest.split_first_chunk::<3>() else { return watch };

@@ -270,6 +270,18 @@ impl Filtering for DeviceStateFilter<'_> {
         self.filter.widen(&WithReadoutStates { transition: noise, states: self.states, after_s: 0.0 })
     }
 
+    fn reset_sides(&self) -> Option<u32> {
+        self.filter.reset_sides()
+    }
+
+    fn keep_reset_sides(&mut self, sides: Option<u32>) {
+        self.filter.keep_reset_sides(sides);
+    }
+
+    fn part(&mut self) {
+        self.filter.part();
+    }
+
     fn take_over(&mut self, known: &AnyKnownStateStep) -> Result<(), FilterError> {
         self.filter.take_over(known)
     }

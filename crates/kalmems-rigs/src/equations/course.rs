@@ -19,7 +19,7 @@ use crate::estimate::{
 };
 use crate::units::Kind;
 use kalmems_core::{FilterError, Innovation, Nodes};
-use kalmems_equations::Device;
+use kalmems_equations::{Device, ResetPath};
 
 /// A measured channel over a segment.
 #[derive(Clone)]
@@ -430,8 +430,16 @@ impl Course for EquationCourse<'_> {
             });
             let [start, middle, end] = &self.nodes;
             let nodes: Nodes<&[f64]> = Nodes { start, middle, end };
+            // A state that was corrected past a reset is still to be reset.
+            let sides = self.kinks.as_ref().filter(|_| step == 0).and_then(|_| filter.reset_sides());
+            self.model.set_path(sides.map(|below| ResetPath::of(below).staying()));
             let under = self.model.under(each, nodes, filter.mean(), &mut self.room);
-            filter.predict(&under)?;
+            let done = filter.predict(&under);
+            self.model.set_path(None);
+            done?;
+        }
+        if self.kinks.is_some() && filter.reset_sides().is_some() {
+            filter.keep_reset_sides(Some(self.model.path_from(filter.mean(), &self.nodes[2]).below()));
         }
         Ok(())
     }

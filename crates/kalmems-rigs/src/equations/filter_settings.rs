@@ -416,6 +416,10 @@ fn without_motion(
             let why = "a step of Euler's method does not find where states are set at once (`when`); use `ekf` or `ukf`";
             Err(refused(why.to_owned()))
         }
+        (method, _) if method.has_fixed_gain() && own.device.has_resets() => {
+            let why = "a gain for all times does not follow what is known of states that are set at once (`when`); use `ekf` or `ukf`";
+            Err(refused(why.to_owned()))
+        }
         (Method::DirectInversion, [measure]) => {
             Ok((Some(Inverse::of(own, *measure).map_err(refused)?), Vec::new()))
         }

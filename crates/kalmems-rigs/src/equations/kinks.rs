@@ -1,9 +1,10 @@
 //! Steps through kinks: as many as a sample needs.
 
-use super::model::{EquationModel, Interval, StepRoom, chain, set_part};
+use super::model::{EquationModel, Interval, StepRoom, UnderInputs, chain, set_part};
+use super::reset_mixture::{ResetMixture, SampleAsked, is_over_reset};
 use crate::estimate::{Filtering, SampleCounts, Transition};
 use kalmems_core::{FilterError, Nodes};
-use kalmems_equations::MOST_STATES;
+use kalmems_equations::{MOST_STATES, ResetPath};
 
 /// How far mean and Jacobian of so many steps and of twice as many may be apart, in standard deviations that the filter claims, along whatever axis of
 /// its claim.
@@ -28,24 +29,28 @@ pub struct KinkSteps {
     ways: [Led; 2],
     one: OneStep,
     claim: ClaimAxes,
+    mixture: ResetMixture,
 }
 
 /// The mean, the Jacobian and the covariance of the noise that some steps lead to.
 #[derive(Default)]
-struct Led {
-    mean: Vec<f64>,
-    slopes: Vec<f64>,
-    noise: Vec<f64>,
+pub struct Led {
+    pub mean: Vec<f64>,
+    pub slopes: Vec<f64>,
+    pub noise: Vec<f64>,
+    /// The path at the end, of a device with resets, and the sides where each step began.
+    pub path: Option<ResetPath>,
+    sides: Vec<u32>,
 }
 
 /// Room for the Jacobian of one step, the covariance of its noise and the root of that, a product, and what the step takes of its mean.
 #[derive(Default)]
-struct OneStep {
-    slopes: Vec<f64>,
-    noise: Vec<f64>,
-    root: Vec<f64>,
-    product: Vec<f64>,
-    room: StepRoom,
+pub struct OneStep {
+    pub slopes: Vec<f64>,
+    pub noise: Vec<f64>,
+    pub root: Vec<f64>,
+    pub product: Vec<f64>,
+    pub room: StepRoom,
 }
 
 impl OneStep {
@@ -61,7 +66,8 @@ impl KinkSteps {
     pub fn new(interval_s: f64) -> Self {
         let halved = |doublings: usize| Interval::of(interval_s / f64::from(1_u32 << doublings));
         let (covariance, one, claim) = (Vec::new(), OneStep::default(), ClaimAxes::default());
-        Self { intervals: std::array::from_fn(halved), covariance, ways: Default::default(), one, claim }
+        let (ways, mixture) = Default::default();
+        Self { intervals: std::array::from_fn(halved), covariance, ways, one, claim, mixture }
     }
 
     /// Predicts over the usual interval under inputs.
@@ -76,12 +82,16 @@ impl KinkSteps {
         self.covariance.resize(states * states, 0.0);
         self.one.resize(states * states);
         filter.covariance(&mut self.covariance);
-        let Self { intervals, covariance, ways: [coarse, fine], one, claim } = self;
+        let Self { intervals, covariance, ways: [coarse, fine], one, claim, mixture } = self;
         claim.begin(covariance, states);
+        let path = (model.resets() > 0).then(|| {
+            let from_mean = || model.path_from(filter.mean(), inputs.start);
+            filter.reset_sides().map_or_else(from_mean, ResetPath::of)
+        });
         let (mut doublings, mut alike) = (0, false);
-        coarse.lead(model, intervals, filter.mean(), (inputs, 0), one);
+        coarse.lead(model, intervals, filter.mean(), ((inputs, 0), path), one);
         while doublings < DOUBLINGS {
-            fine.lead(model, intervals, filter.mean(), (inputs, doublings + 1), one);
+            fine.lead(model, intervals, filter.mean(), ((inputs, doublings + 1), path), one);
             alike = claim.has_alike(coarse, fine);
             if alike {
                 break;
@@ -90,24 +100,41 @@ impl KinkSteps {
             doublings += 1;
         }
         counts.unresolved_kinks += usize::from(!alike);
-        each_step(intervals, (inputs, doublings), |interval, nodes| {
+        let mut is_over = false;
+        if let Some(start) = &path {
+            let (mean, inputs) = (filter.mean(), (inputs, doublings));
+            let asked = SampleAsked { model, intervals, inputs, mean, covariance };
+            is_over = is_over_reset(&asked);
+            if let Some((step, end, is_mixed)) = mixture.of(&asked, (coarse, start), one) {
+                filter.predict(step)?;
+                filter.keep_reset_sides(Some(end.below()));
+                if is_over || is_mixed {
+                    filter.part();
+                }
+                return Ok(());
+            }
+        }
+        let mut sides = coarse.sides.iter();
+        let done = each_step(intervals, (inputs, doublings), |interval, nodes| {
+            model.set_path(sides.next().map(|below| ResetPath::of(*below).staying()));
             let step = model.under(interval, nodes, filter.mean(), &mut one.room);
             filter.predict(&step)
-        })
+        });
+        model.set_path(None);
+        filter.keep_reset_sides(coarse.path.map(|path| path.below()));
+        if is_over {
+            filter.part();
+        }
+        done
     }
 }
 
 impl Led {
-    /// Goes so many steps from a mean; `one` has room for a step.
-    fn lead(
-        &mut self,
-        model: &EquationModel,
-        intervals: &[Interval],
-        from: &[f64],
-        inputs: (Nodes<&[f64]>, usize),
-        one: &mut OneStep,
-    ) {
+    /// Begins at a mean, on a path of a device with resets.
+    pub fn begin(&mut self, from: &[f64], path: Option<ResetPath>) {
         let n = from.len();
+        self.path = path;
+        self.sides.clear();
         self.mean.clear();
         self.mean.extend_from_slice(from);
         for own in [&mut self.slopes, &mut self.noise] {
@@ -117,22 +144,49 @@ impl Led {
         for i in 0..n {
             self.slopes[i * (n + 1)] = 1.0;
         }
+    }
+
+    /// Goes so many steps from a mean, on a path of a device with resets; `one` has room for a step.
+    pub fn lead(
+        &mut self,
+        model: &EquationModel,
+        intervals: &[Interval],
+        from: &[f64],
+        (inputs, path): ((Nodes<&[f64]>, usize), Option<ResetPath>),
+        one: &mut OneStep,
+    ) {
+        self.begin(from, path);
         // It has no end of its own.
         let _ = each_step(intervals, inputs, |interval, nodes| -> Result<(), FilterError> {
-            let mut next = [0.0; MOST_STATES];
             let step = model.under(interval, nodes, &self.mean, &mut one.room);
-            step.linearize(&self.mean, &mut next[..n], &mut one.slopes);
-            chain(&mut self.slopes, &one.slopes, n, n);
             step.noise(&mut one.noise, &mut one.root);
-            self.add_noise(one);
-            self.mean.copy_from_slice(&next[..n]);
+            self.take(model, &step, (&mut one.slopes, &one.noise, &mut one.product));
             Ok(())
         });
+        model.set_path(None);
+    }
+
+    /// Takes one step more, to whose Jacobian `slopes` is set; `product` has room for another matrix.
+    pub fn take(
+        &mut self,
+        model: &EquationModel,
+        step: &UnderInputs<'_>,
+        (slopes, noise, product): (&mut [f64], &[f64], &mut [f64]),
+    ) {
+        let n = self.mean.len();
+        let mut next = [0.0; MOST_STATES];
+        self.sides.extend(self.path.map(|path| path.below()));
+        model.set_path(self.path);
+        step.linearize(&self.mean, &mut next[..n], slopes);
+        self.path = model.path();
+        chain(&mut self.slopes, slopes, n, n);
+        self.add_noise(slopes, noise, product);
+        self.mean.copy_from_slice(&next[..n]);
     }
 
     /// The noise before a step goes on by its Jacobian, and its own comes in: F·Q·Fᵀ + Q₁.
     #[allow(clippy::needless_range_loop)] // for each step: an adapter of iterators is a call
-    fn add_noise(&mut self, OneStep { slopes, noise, product, .. }: &mut OneStep) {
+    fn add_noise(&mut self, slopes: &[f64], noise: &[f64], product: &mut [f64]) {
         let n = self.mean.len();
         for i in 0..n {
             for j in 0..n {
@@ -158,7 +212,7 @@ impl Led {
 /// Does something with the length and the inputs of each step of an interval: of so many parts, a doubling each, it is cut in the middle of each. No cut
 /// of one number of parts is one of another, so that what leads to a kink, and on from there, is never the same part of a step in two ways that are
 /// compared.
-fn each_step<E>(
+pub fn each_step<E>(
     intervals: &[Interval],
     (inputs, doublings): (Nodes<&[f64]>, usize),
     mut each: impl FnMut(&Interval, Nodes<&[f64]>) -> Result<(), E>,

@@ -44,6 +44,7 @@ mod phase_lock;
 mod phases;
 mod preset;
 mod range;
+mod reset_mixture;
 mod sampled_inputs;
 mod segment;
 mod settings;

@@ -10,7 +10,7 @@ use kalmems_core::filter::Pole;
 use kalmems_core::{Covariance, Mat, Nodes, NoiseDensity, ProcessNoise};
 use kalmems_equations::{
     Device, EquationError, MOST_STATES, Mode, Motion, NoiseKind, ProgramNumbers, Reading, ReadoutProgram,
-    ResetStep, Resets, StepTables, modes,
+    ResetPath, ResetStep, Resets, StepTables, modes,
 };
 use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
@@ -189,6 +189,61 @@ impl EquationModel {
     /// Whether the motion has kinks, such as that of a contact: how many steps follow it depends on where it is.
     pub fn has_kinks(&self) -> bool {
         self.rule == StepRule::Exponential && (self.motion.has_kinks() || self.resets.is_some())
+    }
+
+    /// How many resets happen to its states, of which paths keep the sides.
+    pub fn resets(&self) -> usize {
+        self.resets.as_ref().map_or(0, |resets| resets.borrow().kept())
+    }
+
+    /// Goes on along a path through resets, or by the signs of their expressions.
+    pub fn set_path(&self, path: Option<ResetPath>) {
+        if let Some(resets) = &self.resets {
+            resets.borrow_mut().set_path(path);
+        }
+    }
+
+    /// The path that was set, led on by the steps since then.
+    pub fn path(&self) -> Option<ResetPath> {
+        self.resets.as_ref().and_then(|resets| resets.borrow().path())
+    }
+
+    /// A path that begins at a state.
+    pub fn path_from(&self, mean: &[f64], inputs: &[f64]) -> ResetPath {
+        let of = |x: &[f64]| self.resets.as_ref().map(|resets| resets.borrow_mut().sides_at(x, inputs));
+        self.with_values(mean, of).unwrap_or_default()
+    }
+
+    /// How far a mean is from a reset that can still happen on a path, with the derivatives by all states: see [`Resets::margin`].
+    pub fn reset_margin(
+        &self,
+        of: (usize, &ResetPath),
+        (mean, inputs): (&[f64], &[f64]),
+        slopes: &mut [f64],
+    ) -> Option<f64> {
+        let resets = self.resets.as_ref()?;
+        let margin = self.with_values(mean, |x| resets.borrow_mut().margin(of, (x, inputs), slopes))?;
+        self.scale_parameters(slopes);
+        Some(margin)
+    }
+
+    /// What passes zero where a reset happens, at a mean, with its derivatives by all states.
+    pub fn reset_crossing(&self, reset: usize, (mean, inputs): (&[f64], &[f64]), slopes: &mut [f64]) -> f64 {
+        let Some(resets) = &self.resets else { return f64::NAN };
+        let value = self.with_values(mean, |x| resets.borrow_mut().crossing(reset, (x, inputs), slopes));
+        self.scale_parameters(slopes);
+        value
+    }
+
+    /// A root W of a covariance W·Wᵀ that is given by its lower triangle, and that covariance without what rounding has made negative.
+    pub fn put_root(covariance: &mut [f64], root: &mut [f64], n: usize) {
+        match n {
+            0..=2 => rooted::<2>(covariance, root, n),
+            3..=4 => rooted::<4>(covariance, root, n),
+            5..=8 => rooted::<8>(covariance, root, n),
+            9..=16 => rooted::<16>(covariance, root, n),
+            _ => rooted::<MOST_STATES>(covariance, root, n),
+        }
     }
 
     /// Whether a step is the same from everywhere, but for its inputs.
@@ -552,6 +607,21 @@ fn valued(x: &[f64], moving: usize, free: &[(f64, AddedState<f64>)]) -> StateNum
     valued
 }
 
+fn rooted<const M: usize>(covariance: &mut [f64], root: &mut [f64], n: usize) {
+    let entry = |i: usize, j: usize| if i < n && j <= i { covariance[i * n + j] } else { 0.0 };
+    let noise = ProcessNoise::from(Covariance::from_lower(Mat::<f64, M, M>::from_fn(entry)));
+    for i in 0..n {
+        for j in 0..n {
+            root[i * n + j] = noise.root()[(i, j)];
+        }
+    }
+    for i in 0..n {
+        for j in 0..=i {
+            covariance[i * n + j] = (0..=j).map(|k| root[i * n + k] * root[j * n + k]).sum();
+        }
+    }
+}
+
 /// What is made once for an interval, and for each place where the motion is linearised.
 pub struct Interval {
     length_s: f64,
@@ -703,13 +773,20 @@ impl UnderInputs<'_> {
         if finite != Some(true) {
             to.fill(f64::NAN);
         }
+        let mut turns = false;
         for (state, _) in &self.model.periods {
             if let Some(to) = to.get_mut(*state) {
                 *to -= self.room.turns[*state];
+                turns |= self.room.turns[*state] != 0.0;
             }
         }
         if !self.model.free.is_empty() {
             self.linearised.held.advance(self.model.moving(), x, to);
+        }
+        if turns && let Some(path) = self.model.path() {
+            // It is on other sides without a motion.
+            let now = self.model.path_from(to, self.inputs.end);
+            self.model.set_path(Some(path.with_sides_of(&now)));
         }
     }
 

@@ -436,10 +436,18 @@ impl SimulatedMotion {
         })
     }
 
-    /// A step between two times in s, and behind it the noise of the rates.
+    /// A step between two times in s, and behind it, or before it where something resets the states, the noise of the rates.
     fn advance(&mut self, drives: &[Drive], state: &mut Vec<f64>, from_to_s: (f64, f64)) {
         let Self { motion, work, tables, resets, sizes, of_rates, nodes, inputs, next, takes } = self;
         sizes.at_step(drives, state, (from_to_s.0, inputs));
+        if let Some(resets) = resets {
+            if resets.path().is_none() {
+                let path = resets.sides_at(state, inputs);
+                resets.set_path(Some(path));
+            }
+            // What noise moves past zero is reset in the step, so that no state is seen there.
+            add_noise(state, &sizes.step_sd, of_rates);
+        }
         parts_of_all((drives, takes), from_to_s, nodes, &mut |from_s, to_s, nodes| {
             let length_s = to_s - from_s;
             motion.set_runge_kutta(tables, length_s);
@@ -454,7 +462,21 @@ impl SimulatedMotion {
             }
             std::mem::swap(state, next);
         });
-        add_noise(state, &sizes.step_sd, of_rates);
+        if resets.is_none() {
+            add_noise(state, &sizes.step_sd, of_rates);
+        }
+    }
+
+    /// Takes whole turns off the states that come round.
+    fn turn(&mut self, periods: &[(usize, f64)], state: &mut [f64]) {
+        for (place, period) in periods {
+            let turns = (state[*place] / period).floor();
+            state[*place] -= period * turns;
+            if let Some(resets) = self.resets.as_mut().filter(|_| turns != 0.0) {
+                // It is on other sides without a motion.
+                resets.set_path(None);
+            }
+        }
     }
 }
 
@@ -478,13 +500,6 @@ fn add_noise(state: &mut [f64], sd: &[f64], chance: &mut [WhiteNoise]) {
         if *sd != 0.0 {
             *state += sd * noise.sample();
         }
-    }
-}
-
-/// Takes whole turns off the states that come round.
-fn turn(periods: &[(usize, f64)], state: &mut [f64]) {
-    for (place, period) in periods {
-        state[*place] -= period * (state[*place] / period).floor();
     }
 }
 
@@ -564,7 +579,7 @@ impl Simulation for EquationSimulation {
                 history.push(&state, &inputs);
             }
             moved.advance(&self.drives, &mut state, from_to_s);
-            turn(&self.periods, &mut state);
+            moved.turn(&self.periods, &mut state);
             if left.is_multiple_of(LOOK) && !state.iter().all(|x| x.is_finite()) {
                 return Err(SimulateError::NotFinite { time_s: -(left as f64 / rate_hz) });
             }
@@ -680,7 +695,7 @@ impl Simulation for EquationSimulation {
                     event.end((&moved.motion, &mut rates), &state, (to_s, &inputs));
                 }
             }
-            turn(&self.periods, &mut state);
+            moved.turn(&self.periods, &mut state);
         }
         Ok(())
     }
