@@ -961,8 +961,7 @@ fn the_variance_of_a_sample_is_found_while_filtering() {
     }
 }
 
-/// From an exact start, P0 = 0, each filter goes to the end and claims a standard deviation at every sample; the unscented
-/// one, whose sigma points have no room, says so.
+/// From an exact start, P0 = 0, each filter goes to the end and claims a standard deviation at every sample.
 #[test]
 fn an_exact_start_is_no_trouble() {
     let folder = tempfile::tempdir().unwrap();
@@ -981,11 +980,6 @@ fn an_exact_start_is_no_trouble() {
     let experiment = from_files(folder.path(), &simulation(&filters, &[]), &recorded, &truth);
     let outcome = workflow::estimate(published(), &experiment, &Silent).unwrap();
     for trajectory in &outcome.recordings[0].segments[0].estimate.trajectories {
-        if trajectory.key == "ukf" {
-            let failure = trajectory.failure.expect("a start without room");
-            assert!(failure.time_s == 0.0 && failure.why.to_string().contains("not positive"), "{failure:?}");
-            continue;
-        }
         assert_eq!(trajectory.failure, None, "{}", trajectory.key);
         for state in &trajectory.states {
             let sound = state.sd.iter().all(|sd| sd.is_finite() && *sd >= 0.0);
