@@ -133,9 +133,12 @@ fn three_axes(folder: &Path) -> Result<(), Box<dyn Error>> {
 /// Three minutes at 100 Hz: white noise, steps of a converter, and a bias that walks.
 fn at_rest(folder: &Path) -> Result<(), Box<dyn Error>> {
     let resting = Vibration { frequency_hz: 1.0, amplitude: [0.0; 3], phase_rad: [0.0; 3] };
+    // The bias under vibration is 0.0312 rad/s.
+    let mut gyroscopes = SimulatedInstrument { noise: 1.5e-3, random_walk: 1.2e-4, ..unit().gyroscopes };
+    gyroscopes.triad.bias[1] += 39.0 * gyroscopes.step;
     let unit = SimulatedUnit {
         clock: SampleClock { rate: 100.0, ..unit().clock },
-        gyroscopes: SimulatedInstrument { noise: 1.5e-3, random_walk: 1.2e-4, ..unit().gyroscopes },
+        gyroscopes,
         accelerometers: None,
     };
     let [rates, _] = unit.record(&resting, 18_000, &mut WhiteNoise::new(2, 0));
