@@ -42,10 +42,12 @@ fn of_motion<const M: usize>(
     noise: f64,
 ) -> Result<Vec<f64>, RiccatiError> {
     let states = seen.len();
-    let largest = motion.slopes.iter().map(|slope| slope.abs()).fold(f64::MIN_POSITIVE, f64::max);
+    let largest = motion.slopes.iter().map(|slope| slope.abs()).fold(0.0, f64::max);
+    // Of a random walk any rate will do.
+    let decay = if largest > 0.0 { largest } else { 1.0 };
     let slopes = Mat::<f64, M, M>::from_fn(|i, j| match (i < states && j < states, i == j) {
         (true, _) => motion.slopes.get(i * states + j).copied().unwrap_or(0.0),
-        (false, true) => -largest,
+        (false, true) => -decay,
         (false, false) => 0.0,
     });
     let observation = Mat::<f64, 1, M>::from_fn(|_, j| seen.get(j).copied().unwrap_or(0.0));
@@ -98,6 +100,10 @@ mod tests {
             assert!((five.0[i][0] - expected).abs() < 1e-12, "{five:?}");
         }
         assert_eq!([five.0[3][0], five.0[4][0]], [0.0, 0.0]);
+        // A random walk of a density of 9, seen with one of 4: P = 6, K = 1.5.
+        let walk = ContinuousMotion { slopes: vec![0.0], densities: vec![9.0], poles: Vec::new() };
+        let gain = continuous_gain::<1>(&walk, &[1.0], 4.0).unwrap().0[0][0];
+        assert!((gain - 1.5).abs() < 1e-12, "{gain}");
     }
 
     /// A resonator, in units as different as a position in m and a speed in m/s are.
