@@ -60,6 +60,8 @@ fn the_search_finds_the_phases_and_the_image_is_written_whole() {
             number("phase_sd_deg")
         );
     }
+    let answer = found["answer"][0].as_str().unwrap();
+    assert!(answer.starts_with("100 × 100 pixels, of which "), "{answer}");
     let samples = &found["samples"];
     let parts = ["used", "outside_field", "in_gap", "beyond_trajectory", "without_intensity"];
     let sum: u64 = parts.iter().map(|part| samples[part].as_u64().unwrap()).sum();

@@ -58,6 +58,8 @@ fn two_lines_are_kept_apart_along_the_estimate_and_lost_without() {
         let shift = along["lines"][line]["shift_per_cm"].as_f64().unwrap();
         println!("line {line}: shift {shift:.1e} per cm");
         assert!(shift.abs() <= 0.01, "{shift}");
+        let answer = along["answer"][line].as_str().unwrap();
+        assert!(answer.starts_with("line ") && answer.contains('±') && answer.contains(" 1/cm"), "{answer}");
     }
     assert!(distortion(&without) > 0.1);
 
