@@ -129,7 +129,7 @@ impl RestPieces {
             // Neighbours of one record, without a gap.
             let length = next.time_s[1] - next.time_s[0];
             let is_next = (to - from - length).abs() < 0.5 * length;
-            is_next.then(|| (0.5 * (from + to), next.moments.mean - one.moments.mean))
+            is_next.then_some((0.5 * (from + to), next.moments.mean - one.moments.mean))
         });
         let pairs: Vec<(f64, f64)> = pairs.collect();
         let count = pairs.len();
