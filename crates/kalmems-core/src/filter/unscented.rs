@@ -58,11 +58,11 @@ impl<T: Scalar, const N: usize> Ukf<T, N> {
         let p = &self.state.covariance;
         let Semidefinite { root, mut sound } = Semidefinite::of(p);
         let rounding = (epsilon::<T>() * T::of(64.0 * N as f64)).sq();
-        for i in 0..N {
-            for j in 0..=i {
-                let off = sum!(j + 1, |k| root.0[i][k] * root.0[j][k]) - p.get(i, j);
-                sound &= !off.sq().gt(rounding * p.get(i, i) * p.get(j, j));
-            }
+        let again = root.times_transposed(&root);
+        let beyond: Mat<T, N, N> =
+            matrix!(|i, j| { (again.0[i][j] - p.get(i, j)).sq() - rounding * p.get(i, i) * p.get(j, j) });
+        for beyond in beyond.0.iter().flatten() {
+            sound &= !beyond.gt(T::of(0.0));
         }
         (root, sound)
     }
