@@ -60,7 +60,7 @@ pub(super) fn set_earth(axes: &mut [AxisAtRest], latitude: Option<f64>) {
 mod tests {
     use super::*;
 
-    /// Of many directions and azimuths, drawn with a generator of equidistant points.
+    /// By sums over equidistant components and azimuths.
     #[test]
     fn uncertainties_are_those_of_unknown_directions() {
         let count = 1000;
