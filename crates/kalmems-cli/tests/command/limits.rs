@@ -101,32 +101,58 @@ fn a_curve_of_too_many_points_is_refused_before_it_is_read_to_its_end() {
     }
 }
 
+/// Runs the command in `folder` with at most so much memory.
+#[cfg(target_os = "linux")]
+fn limited(folder: &Path, limit_kb: u32, arguments: &str) -> Output {
+    let script = format!("ulimit -v {limit_kb}; exec \"$0\" {arguments}");
+    Command::new("sh")
+        .current_dir(folder)
+        .args(["-c", &script, env!("CARGO_BIN_EXE_kalmems")])
+        .env_remove("RUST_BACKTRACE")
+        .output()
+        .unwrap()
+}
+
 /// Whatever the limit of the shell: a result, or an error that says how much memory was refused, and never a crash.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_limit_of_memory_is_an_error_with_its_size() {
-    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/shared_scanner/experiment.toml");
-    let mut refused = 0;
-    for limit_kb in [90_000, 120_000, 160_000, 200_000, 240_000, 280_000, 320_000, 400_000] {
-        let folder = tempfile::tempdir().unwrap();
-        let script = format!("ulimit -v {limit_kb}; exec \"$0\" estimate \"$1\" --quiet --out out");
-        let output = Command::new("sh")
-            .current_dir(folder.path())
-            .args(["-c", &script, env!("CARGO_BIN_EXE_kalmems")])
-            .arg(&example)
-            .env_remove("RUST_BACKTRACE")
-            .output()
-            .unwrap();
-        let told = String::from_utf8_lossy(&output.stderr);
-        match output.status.code() {
-            Some(0) => {}
-            Some(1) => {
-                refused += 1;
-                assert!(told.contains("memory"), "{limit_kb} kB: {told}");
-                assert!(!folder.path().join("out").exists(), "{limit_kb} kB: half a result");
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/shared_scanner");
+    let small = tempfile::tempdir().unwrap();
+    let study = fs::read_to_string(example.join("study.toml")).unwrap();
+    let simulation = example.join("simulation.toml").canonicalize().unwrap();
+    let study = study.replace("points = 7", "points = 2").replace("repeats = 3", "repeats = 1");
+    let study = study.replace("\"simulation.toml\"", &format!("{simulation:?}"));
+    fs::write(small.path().join("study.toml"), study).unwrap();
+    // Below that the system cannot load the program.
+    let loaded_kb = (20_000..).step_by(1000).find(|kb| limited(&example, *kb, "--version").status.success());
+    for (command, least) in [
+        ("estimate experiment.toml --quiet --out OUT", 3),
+        ("identify ring_down.toml --quiet --out OUT", 1),
+        ("study SMALL/study.toml --threads 2 --quiet --out OUT", 2),
+        ("stream stream.toml --from recording.csv --report OUT", 2),
+    ] {
+        let mut ends = Vec::new();
+        for more_kb in [1000, 3000, 6000, 10_000, 20_000, 40_000, 90_000, 180_000, 300_000] {
+            let limit_kb = loaded_kb.unwrap() + more_kb;
+            let folder = tempfile::tempdir().unwrap();
+            let out = folder.path().join("out");
+            let place = |path: &Path| path.to_str().unwrap().to_owned();
+            let command = command.replace("OUT", &place(&out)).replace("SMALL", &place(small.path()));
+            let output = limited(&example, limit_kb, &command);
+            let told = String::from_utf8_lossy(&output.stderr);
+            let code = output.status.code();
+            match code {
+                Some(0) => {}
+                Some(1) => {
+                    assert!(told.contains("memory"), "{command} {limit_kb} kB: {told}");
+                    assert!(!out.exists(), "{command} {limit_kb} kB: half a result");
+                }
+                _ => panic!("{command} {limit_kb} kB: {:?} {told}", output.status),
             }
-            _ => panic!("{limit_kb} kB: {:?} {told}", output.status),
+            ends.push(code);
         }
+        let refused = ends.iter().filter(|code| **code == Some(1)).count();
+        assert!(refused >= least && ends.last() == Some(&Some(0)), "{command}: {ends:?}");
     }
-    assert!(refused > 0, "no limit was too small");
 }

@@ -13,6 +13,7 @@ mod image;
 mod interruption;
 mod limits;
 mod live;
+mod live_state;
 mod new;
 mod ranges;
 mod rates;

@@ -407,3 +407,29 @@ fn open_questions_are_json_for_a_program_that_asks_and_an_answer_closes_one() {
     let (code, told) = asked(&["drive=CH2_V"]);
     assert_eq!((code, told["questions"].is_null()), (Some(0), true), "{told}");
 }
+
+/// A name of a file that turns the direction of the letters behind it, where somebody at a terminal is asked for the rate of its samples.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_question_shows_what_a_name_does_to_a_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(recording()).unwrap();
+    let rows: Vec<&str> = text.lines().map(|line| line.split_once(',').unwrap().1).collect();
+    let name = "a\u{202e}b.csv";
+    std::fs::write(folder.path().join(name), rows.join("\n")).unwrap();
+    let command = format!("{} new {name} --device shared_scanner", env!("CARGO_BIN_EXE_kalmems"));
+    let mut script = Command::new("script");
+    script.args(["-qec", &command, "/dev/null"]).current_dir(folder.path());
+    let Ok(mut child) = script.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn() else {
+        eprintln!("skipped: `script` is not installed");
+        return;
+    };
+    child.stdin.take().unwrap().write_all(b"1 MHz\n").unwrap();
+    let output = child.wait_with_output().unwrap();
+    let shown = String::from_utf8_lossy(&output.stdout);
+    assert!(shown.contains("Its sampling rate, such as 1 MHz"), "{shown}");
+    assert!(
+        shown.contains("a\\u{202e}b.csv has no column of times") && !shown.contains('\u{202e}'),
+        "{shown}"
+    );
+}

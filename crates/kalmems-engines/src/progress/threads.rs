@@ -73,37 +73,39 @@ fn side_by_side<T: Send, E>(
     let results: Vec<Mutex<VecDeque<T>>> = (0..threads).map(|_| Mutex::default()).collect();
     let of = |thread: usize| results[thread].lock().unwrap_or_else(PoisonError::into_inner);
     let mut refused = None;
+    let mut taken = |thread: usize, index: usize| {
+        let result = of(thread).pop_front();
+        refused = result.and_then(|result| take(index, result).err());
+        if refused.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
     let compute = |thread: usize, index: usize, watch: &dyn Progress| {
         let result = point(index, watch);
         let is_there = result.is_some();
         of(thread).extend(result);
         is_there
     };
-    let mut taken = |thread: usize, index: usize| {
-        let result = of(thread).pop_front();
-        refused = result.and_then(|result| take(index, result).err());
-        if refused.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    };
-    let whole = on_threads(progress, threads, (count, units), &compute, &mut taken);
-    refused.map_or(Ok(whole), Err)
+    match on_threads(progress, threads, (count, units), &compute, &mut taken) {
+        Some(whole) => refused.map_or(Ok(whole), Err),
+        None => in_turn(progress, (count, units), point, take),
+    }
 }
 
 /// What [`side_by_side`] does for every kind of result, once in a program: `compute` says whether there is a result of that thread and
-/// point, and `take` takes it.
+/// point, and `take` takes it; `None` where no thread can be started.
 fn on_threads(
     progress: &dyn Progress,
     threads: usize,
     (count, units): (usize, u64),
     compute: &(dyn Fn(usize, usize, &dyn Progress) -> bool + Sync),
     take: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
-) -> bool {
+) -> Option<bool> {
     let (next, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
     std::thread::scope(|scope| {
         // A thread waits until its result is taken: results do not pile up, and an end of the work is not overtaken by points behind it.
         let (send, receive) = mpsc::sync_channel(0);
-        for thread in 0..threads {
-            let (send, next, stopped) = (send.clone(), &next, &stopped);
-            scope.spawn(move || {
+        let begin = |thread: &usize| {
+            let (thread, send, next, stopped) = (*thread, send.clone(), &next, &stopped);
+            let work = move || {
                 let watch = StopWatcher { stopped };
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
@@ -113,7 +115,12 @@ fn on_threads(
                         break;
                     }
                 }
-            });
+            };
+            std::thread::Builder::new().spawn_scoped(scope, work).is_ok()
+        };
+        // A limit of memory or of processes may leave fewer threads, or none.
+        if (0..threads).take_while(begin).count() == 0 {
+            return None;
         }
         drop(send);
         let (mut done, mut whole) = (0, true);
@@ -122,7 +129,7 @@ fn on_threads(
                 Ok((thread, index, true)) => {
                     if take(thread, index).is_break() {
                         stopped.store(true, Ordering::Relaxed);
-                        return false;
+                        return Some(false);
                     }
                     done += 1;
                 }
@@ -134,7 +141,7 @@ fn on_threads(
                 stopped.store(true, Ordering::Relaxed);
             }
         }
-        whole && !stopped.load(Ordering::Relaxed)
+        Some(whole && !stopped.load(Ordering::Relaxed))
     })
 }
 

@@ -172,7 +172,11 @@ impl BlockReader {
         let of = path.to_owned();
         let thread = std::thread::Builder::new()
             .name("reading".to_owned())
-            .spawn(move || work(table.as_mut(), &of, &filled_in, &emptied_in))?;
+            .spawn(move || work(table.as_mut(), &of, &filled_in, &emptied_in))
+            .map_err(|e| {
+                let why = format!("no thread can be started that reads it ({e}); allow this program more memory, or more processes");
+                std::io::Error::new(e.kind(), why)
+            })?;
         Ok(Self::Thread { filled, emptied, thread })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::wrong;
 use crate::CommandEnding;
-use crate::tell::line;
+use crate::tell::{line, visible};
 use kalmems::draft::{DeviceFit, DraftError, Question, operator_numbers};
 use kalmems::inspect::UnitlessTime;
 use kalmems::rigs::Workbench;
@@ -17,7 +17,7 @@ pub fn is_answered() -> bool {
 fn answer(prompt: &str) -> Result<Option<String>, CommandEnding> {
     let failed = |e: std::io::Error| CommandEnding::Wrong(format!("no answer: {e}"));
     let mut to = std::io::stderr().lock();
-    write!(to, "{prompt}").and_then(|()| to.flush()).map_err(failed)?;
+    write!(to, "{}", visible(prompt)).and_then(|()| to.flush()).map_err(failed)?;
     let mut answer = String::new();
     let read = std::io::stdin().lock().read_line(&mut answer).map_err(failed)?;
     Ok((read > 0).then(|| answer.trim().to_owned()))

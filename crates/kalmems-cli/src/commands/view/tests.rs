@@ -116,7 +116,7 @@ fn looked_at(browser: &str, address: &str) -> String {
             "--disable-dev-shm-usage",
             "--no-first-run",
         ])
-        .args(["--timeout=6000", "--dump-dom"])
+        .args(["--timeout=4000", "--dump-dom"])
         .arg(format!("--user-data-dir={}", profile.path().display()))
         .arg(address)
         .stdout(std::process::Stdio::piped())
@@ -147,15 +147,53 @@ fn asked(listener: &TcpListener) -> Vec<String> {
     all
 }
 
+/// A browser, where there is one.
+fn chromium() -> Option<&'static str> {
+    let browsers = ["chromium", "chromium-browser", "google-chrome"];
+    let is_there = |browser: &&str| std::process::Command::new(browser).arg("--version").output().is_ok();
+    let found = browsers.into_iter().find(is_there);
+    if found.is_none() {
+        let _ = writeln!(io::stderr(), "SKIPPED: there is no Chromium here");
+    }
+    found
+}
+
+/// Shows a page as that of a result that somebody sent, which must send nothing to `other`, and then from a host of its own, where it asks there for
+/// all of these.
+fn sends_nothing_away(browser: &str, served: &Served, (away, page): (&TcpListener, String), all: &[&str]) {
+    let folder = served.folder.path().join("received");
+    let _ = std::fs::remove_dir_all(&folder);
+    let output = Output::begin(&folder, &Work::named("estimate", "a.toml")).unwrap();
+    output.write("report.html", |w| w.write_all(page.as_bytes())).unwrap();
+    output.commit().unwrap();
+    let at = |path: &str| format!("http://127.0.0.1:{}{path}", served.port);
+    let shown = looked_at(browser, &at(&format!("/{TOKEN}/received/report.html")));
+    assert!(shown.contains("<iframe"), "{shown}");
+    let alone = looked_at(browser, &at(&served.framed("received/report.html")));
+    assert!(!alone.contains("A colleague"), "{alone}");
+    assert_eq!(asked(away), Vec::<String>::new(), "{page}");
+
+    // The same page elsewhere does all of it.
+    let elsewhere = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let place = elsewhere.local_addr().unwrap();
+    thread::spawn(move || {
+        for connection in elsewhere.incoming().flatten() {
+            let mut connection = connection;
+            let _ = connection.read(&mut [0; 4096]);
+            let head =
+                format!("HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nContent-Length: {}", page.len());
+            let _ = connection.write_all(format!("{head}\r\nConnection: close\r\n\r\n{page}").as_bytes());
+        }
+    });
+    looked_at(browser, &format!("http://{place}/"));
+    let found = asked(away).join(" ");
+    assert!(all.iter().all(|what| found.contains(what)), "{all:?} {found}");
+}
+
 /// A result that somebody sent, whose page reads what it finds and sends it away.
 #[test]
 fn a_hostile_report_reads_no_other_result_and_sends_nothing_away_in_chromium() {
-    let browsers = ["chromium", "chromium-browser", "google-chrome"];
-    let is_there = |browser: &&&str| std::process::Command::new(browser).arg("--version").output().is_ok();
-    let Some(browser) = browsers.iter().find(is_there) else {
-        let _ = writeln!(io::stderr(), "SKIPPED: there is no Chromium here");
-        return;
-    };
+    let Some(browser) = chromium() else { return };
     let served = Served::new();
     let away = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let other = away.local_addr().unwrap();
@@ -168,35 +206,29 @@ fn a_hostile_report_reads_no_other_result_and_sends_nothing_away_in_chromium() {
          <link rel=stylesheet href=\"http://{other}/style\"><iframe src=\"http://{other}/frame\"></iframe>\
          <script src=\"http://{other}/script\"></script>"
     );
-    let hold = |name: &str, html: &str| {
-        let work = Work::named("estimate", "a.toml");
-        let output = Output::begin(&served.folder.path().join(name), &work).unwrap();
-        output.write("report.html", |w| w.write_all(html.as_bytes())).unwrap();
-        output.commit().unwrap();
-    };
-    hold("received", &hostile);
-    let at = |path: &str| format!("http://127.0.0.1:{}{path}", served.port);
-    let shown = looked_at(browser, &at(&format!("/{TOKEN}/received/report.html")));
-    assert!(shown.contains("<iframe"), "{shown}");
-    let alone = looked_at(browser, &at(&served.framed("received/report.html")));
-    assert!(!alone.contains("A colleague"), "{alone}");
-    assert_eq!(asked(&away), Vec::<String>::new());
+    sends_nothing_away(browser, &served, (&away, hostile), &["/image", "/fetched"]);
+}
 
-    // The same page elsewhere does all of it.
-    let elsewhere = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    let place = elsewhere.local_addr().unwrap();
-    thread::spawn(move || {
-        for connection in elsewhere.incoming().flatten() {
-            let mut connection = connection;
-            let _ = connection.read(&mut [0; 4096]);
-            let head =
-                format!("HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nContent-Length: {}", hostile.len());
-            let _ = connection.write_all(format!("{head}\r\nConnection: close\r\n\r\n{hostile}").as_bytes());
-        }
-    });
-    looked_at(browser, &format!("http://{place}/"));
-    let all = asked(&away).join(" ");
-    assert!(["/image", "/fetched"].iter().all(|what| all.contains(what)), "{all}");
+/// One that leads away by itself: the whole window, a link, a form.
+#[test]
+fn a_hostile_report_leads_nowhere_in_chromium() {
+    let Some(browser) = chromium() else { return };
+    let served = Served::new();
+    let away = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let other = away.local_addr().unwrap();
+    for (leads, asked) in [
+        (format!("<script>top.location = 'http://{other}/top'</script>"), "/top"),
+        (format!("<a id=link href='http://{other}/link'>more</a><script>link.click()</script>"), "/link"),
+        (
+            format!(
+                "<form id=form action='http://{other}/form'><input name=all value=1></form><script>form.submit()</script>"
+            ),
+            "/form",
+        ),
+    ] {
+        let page = format!("<!doctype html><title>report</title><p>A colleague's result</p>{leads}");
+        sends_nothing_away(browser, &served, (&away, page), &[asked]);
+    }
 }
 
 #[test]
