@@ -8,7 +8,7 @@ use super::kinds::{Acceleration, Angle, Frequency, Length, Ratio, Time, Voltage,
 use super::quantity::Quantity;
 use super::reader::read_below;
 use super::regulated::{RegulatedDrive, TemperatureRamp};
-use super::sign::{NotNegative, Positive};
+use super::sign::{NotNegative, Positive, SignOf};
 use super::source::Source;
 use super::values::Values;
 use super::{ColumnChoice, ConfigError, ConfigFault, Key};
@@ -419,6 +419,30 @@ impl Simulate {
         intervals + 1
     }
 
+    /// Refuses a square wave that changes more often than it is integrated: each of its changes begins a step.
+    pub fn resolves_square(&self, frequency: &Quantity<Frequency, Positive>) -> Result<(), String> {
+        if 2.0 * frequency.si() <= self.integration_rate.si() {
+            return Ok(());
+        }
+        let rate = self.integration_rate.text();
+        Err(format!(
+            "`{}` is above half of `integration_rate`, `{rate}`; write a higher rate",
+            frequency.text()
+        ))
+    }
+
+    /// Refuses a time before the recording that takes more steps than a recording may.
+    pub fn may_precede<S: SignOf>(&self, time: &Quantity<Time, S>) -> Result<(), String> {
+        let samples = time.si().abs() * self.sampling_rate.si();
+        if samples < MOST_SAMPLES {
+            return Ok(());
+        }
+        let (time, rate) = (time.text(), self.sampling_rate.text());
+        Err(format!(
+            "`{time}` at `{rate}` is {samples:.3e} samples before the recording; expected up to {MOST_SAMPLES:.0e}"
+        ))
+    }
+
     /// What no single value can be blamed for: the key, and what is wrong.
     pub(super) fn check(&self) -> Result<(), (Key, ConfigFault)> {
         let at = |name: &str, why: String| {
@@ -482,12 +506,20 @@ impl Simulate {
         {
             return at(&format!("drive.regulated.{name}"), why);
         }
-        if let DriveSource::Square(square) = &self.drive
-            && square.duty_cycle.si() >= 1.0
+        if let DriveSource::Square(square) = &self.drive {
+            if square.duty_cycle.si() >= 1.0 {
+                let why =
+                    format!("`{}` is not below 1; expected a part, such as `50 %`", square.duty_cycle.text());
+                return at("drive.square.duty_cycle", why);
+            }
+            if let Err(why) = self.resolves_square(&square.frequency) {
+                return at("drive.square.frequency", why);
+            }
+        }
+        if let DriveSource::RingDown(before) = &self.drive
+            && let Err(why) = self.may_precede(&before.lasting)
         {
-            let why =
-                format!("`{}` is not below 1; expected a part, such as `50 %`", square.duty_cycle.text());
-            return at("drive.square.duty_cycle", why);
+            return at("drive.ring_down.lasting", why);
         }
         if let DriveSource::Capture(CaptureDrive { cut_off: Some(cut_off), .. }) = &self.drive
             && let Err((name, why)) = cut_off.check()

@@ -85,6 +85,14 @@ pub enum AdequacyError {
         /// How long it was driven.
         settle_s: f64,
     },
+    /// More cycles than are worth following.
+    #[error("the drive at {drive_hz:e} Hz is followed over {settle_s} s, which is more than 1e8 steps")]
+    TooFast {
+        /// Its frequency.
+        drive_hz: f64,
+        /// How long it would be driven.
+        settle_s: f64,
+    },
     /// The filter gave up.
     #[error("a filter fails on this signal: {0}")]
     Filter(#[from] FilterError),
@@ -113,6 +121,9 @@ impl Adequacy {
             return Err(AdequacyError::NoSine);
         };
         let rate_hz = STEPS_PER_DRIVE_CYCLE * frequency_hz;
+        if rate_hz * (SETTLE_S + FOLLOW_S) > 1e8 {
+            return Err(AdequacyError::TooFast { drive_hz: frequency_hz, settle_s: SETTLE_S + FOLLOW_S });
+        }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive, saturates
         let steps = |duration_s: f64| (duration_s * rate_hz).round() as usize;
         let mut simulator = Simulator::new(*scanner, drive.clone(), rate_hz, start);

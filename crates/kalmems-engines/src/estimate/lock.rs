@@ -333,11 +333,14 @@ impl LockJudge {
     }
 }
 
+/// Cycles that a number tells apart: so many take ten thousand years at 30 kHz.
+const MOST_CYCLES: u64 = 1 << 53;
+
 /// Where the motion was when it was settled, and the samples of the cycle that has not ended.
 #[derive(Default)]
 struct AxisJudge {
     /// Cycles that were looked at, those that could not be fitted included.
-    cycles: u32,
+    cycles: u64,
     settled: Option<f64>,
     left: Option<f64>,
     before: f64,
@@ -360,7 +363,7 @@ impl AxisJudge {
         let from = trajectory.time_s.partition_point(|t| *t < start_s).min(angle.len());
         self.time_s.extend_from_slice(&trajectory.time_s[from..angle.len()]);
         self.angle.extend_from_slice(&angle[from..]);
-        let at_s = |cycles: u32| start_s + f64::from(cycles) / motion_hz;
+        let at_s = |cycles: u64| start_s + cycles as f64 / motion_hz;
         let known = ..self.time_s.partition_point(|t| *t < known_until_s);
         let is_lost = |cycle_s: f64| {
             lost_spans.iter().any(|[from_s, to_s]| cycle_s < *to_s && cycle_s + 1.0 / motion_hz > *from_s)
@@ -389,9 +392,11 @@ impl AxisJudge {
             }
         }
         let Some(last_s) = self.time_s[known].last() else { return };
-        while at_s(self.cycles + 1) <= *last_s {
-            self.cycles += 1;
-        }
+        // The last that begins by then; the product may be a rounding beyond it, or before it.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a count, saturating
+        let about = (((*last_s - start_s) * motion_hz).floor() as u64).min(MOST_CYCLES);
+        let begun = (about.saturating_sub(1)..=about + 1).rev().find(|cycles| at_s(*cycles) <= *last_s);
+        self.cycles = self.cycles.max(begun.unwrap_or(0));
         let done = self.time_s.partition_point(|t| *t < at_s(self.cycles));
         self.time_s.drain(..done);
         self.angle.drain(..done);
@@ -452,6 +457,25 @@ mod tests {
         assert!(
             judge(|t| if t < 0.9e-3 { -0.15 } else { 0.15 }, |t| if t < 0.9e-3 { 1.0 } else { 0.0 }).held()
         );
+    }
+
+    /// Days of a stream: more cycles than 32 bits count, each part of the stream of them at its end.
+    #[test]
+    fn cycles_are_not_counted_one_by_one() {
+        let angle = [("angle", "rad", &kind::ANGLE)];
+        let mut judge = AxisJudge::default();
+        for begins_s in [0.0, 1e5, 1e6, 1e12] {
+            let time: Vec<f64> = (0..1000).map(|i| begins_s + f64::from(i) * 1e-6).collect();
+            let samples = (&time[..], &time[..], &(0..time.len()));
+            let trajectory = Trajectory::blank(("", ""), TrajectoryKind::Filtered, samples, &angle);
+            judge.judge(("angle", 1e5), &trajectory, 0.0, (f64::INFINITY, &[]), &mut Vec::new());
+            let begun = begins_s * 1e5 + 99.0;
+            assert!(
+                (judge.cycles as f64 - begun).abs() <= 1.0 + 1e-15 * begun,
+                "{begins_s}: {}",
+                judge.cycles
+            );
+        }
     }
 
     #[test]

@@ -88,6 +88,10 @@ pub fn fit_until<R: Regression<P>, const P: usize>(
         let free = free_to_move(&at, &x, settings);
         let triangle = at.triangle.restricted(&free);
         let size = length(&d, &x);
+        // Lengths that no number holds would never be shorter than a step.
+        if !size.is_finite() {
+            return Err(not_converged(iteration, &x, at.cost));
+        }
         let mut delta: f64 = radius.unwrap_or(if size > 0.0 { 100.0 * size } else { settings.first_radius });
 
         // Cosine of the angle between the residuals and each column: zero at a minimum.
@@ -108,12 +112,16 @@ pub fn fit_until<R: Regression<P>, const P: usize>(
             let step: [f64; P] = std::array::from_fn(|i| next[i] - x[i]);
             go_on()?;
             let size_of_step = length(&d, &step);
+            if !size_of_step.is_finite() {
+                return Err(not_converged(iteration, &x, at.cost));
+            }
             let cost = cost(regression, &next);
             let linear = triangle.square_of(&step);
             let gradient_part: f64 = (0..P).map(|i| gradient[i] * step[i]).sum();
             let predicted = -(2.0 * gradient_part + linear);
             let gained = at.cost - cost;
-            let ratio = if predicted > 0.0 { gained / predicted } else { 0.0 };
+            // 0 as well where it is no number, so that each pass that takes no step makes the next one shorter.
+            let ratio = if predicted > 0.0 { (gained / predicted).max(0.0) } else { 0.0 };
 
             if ratio <= 0.25 {
                 // Where along the step a parabola through both ends has its minimum.
@@ -148,11 +156,11 @@ pub fn fit_until<R: Regression<P>, const P: usize>(
         }
         radius = Some(delta);
     }
-    Err(FitError::NotConverged {
-        iterations: settings.iterations,
-        parameters: x.to_vec(),
-        sum_of_squares: at.cost,
-    })
+    Err(not_converged(settings.iterations, &x, at.cost))
+}
+
+fn not_converged<const P: usize>(iterations: usize, x: &[f64; P], sum_of_squares: f64) -> FitError {
+    FitError::NotConverged { iterations, parameters: x.to_vec(), sum_of_squares }
 }
 
 /// A few full Gauss–Newton steps at the minimum: where the sum of squares does not tell two points apart any more,

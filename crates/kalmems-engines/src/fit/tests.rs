@@ -37,6 +37,15 @@ impl ResidualLaw<4> for Product {
     }
 }
 
+/// A line that no number tells the squares of.
+struct Steep;
+
+impl ResidualLaw<1> for Steep {
+    fn residuals<S: Over<f64>>(&self, p: &[S; 1], each: &mut impl FnMut(S)) {
+        (0..60).for_each(|_| each(p[0] * 1e308 - 1.0));
+    }
+}
+
 const TRUTH: [f64; 3] = [2.0, 0.8, 0.5];
 
 #[test]
@@ -141,6 +150,11 @@ fn what_cannot_be_fitted_is_refused() {
     settings.bounds[2] = ParameterBounds { low: 2.0, high: 3.0 };
     let refused = fit(&ByDual(ExponentialDecay::new(0.0)), &settings).unwrap_err();
     assert_eq!(refused, FitError::OutsideBounds { index: 2, start: 1.0, low: 2.0, high: 3.0 });
+    // Slopes whose length no number holds give no step a length.
+    assert!(matches!(
+        fit(&ByDual(Steep), &FitSettings::from_start([0.0])),
+        Err(FitError::NotConverged { .. })
+    ));
     let hurried = FitSettings { iterations: 1, ..from([20.0, 5.0, 9.0]) };
     assert!(matches!(fit(&ByDual(ExponentialDecay::new(0.0)), &hurried), Err(FitError::NotConverged { .. })));
 }

@@ -50,6 +50,9 @@ pub fn input_of(
                     format!("`{}` is not below 1; expected a part, such as `50 %`", square.duty_cycle.text());
                 return Err(place.refused("square.duty_cycle", why).into());
             }
+            if let Err(why) = simulate.resolves_square(&square.frequency) {
+                return Err(place.refused("square.frequency", why).into());
+            }
             Drive::Square {
                 low: place.value("square.low", &square.low, Sign::Any)?,
                 high: place.value("square.high", &square.high, Sign::Any)?,
@@ -63,6 +66,9 @@ pub fn input_of(
                 sweep.lasting.as_ref().map_or_else(|| simulate.duration.si() - begins_s, Quantity::si);
             if duration_s <= 0.0 {
                 let why = "it begins after the end of the recording; state an earlier time".to_owned();
+                return Err(place.refused("sweep.begins", why).into());
+            }
+            if let Some(Err(why)) = sweep.begins.as_ref().map(|begins| simulate.may_precede(begins)) {
                 return Err(place.refused("sweep.begins", why).into());
             }
             before_s = (-begins_s).max(0.0);

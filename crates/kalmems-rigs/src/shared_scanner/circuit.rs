@@ -76,6 +76,13 @@ impl SensingCircuit {
                 ConfigFault::Value { why },
             );
         };
+        let settling = settling_s(&circuit) * integration_rate_hz;
+        if settling > MOST_SETTLING {
+            let why = format!(
+                "the circuit settles over {settling:.1e} steps of `integration_rate`; expected up to {MOST_SETTLING:.0e}"
+            );
+            return at(&["device", "shared_scanner", "circuit"], ConfigFault::Value { why });
+        }
         let seed = simulate.noise.then_some(simulate.seed);
         Ok(Self { circuit, carrier: device.carrier.amplitude.si(), carrier_hz, seed })
     }
@@ -97,6 +104,19 @@ impl SensingCircuit {
         Adequacy::of(&self.circuit, &hardware.scanner, (drive, start), &setting)
     }
 }
+
+/// More than 30 time constants of the slowest stage, in s.
+fn settling_s(circuit: &Circuit) -> f64 {
+    let slowest_hz = circuit.low_pass_hz.into_iter().fold(f64::INFINITY, f64::min);
+    let discharge_s = match circuit.detector {
+        AmplitudeDetector::Diode(diode) => diode.load_resistance * diode.load_capacitance,
+        AmplitudeDetector::SquareLaw(_) | AmplitudeDetector::Synchronous(_) => 0.0,
+    };
+    30.0 * discharge_s.max(1.0 / (TAU * slowest_hz))
+}
+
+/// Steps within which a circuit settles, at most: 1 s at 100 MHz.
+const MOST_SETTLING: f64 = 1e8;
 
 /// What is said of a circuit that no filter's model could be found for.
 pub fn not_reduced(why: &dyn std::fmt::Display) -> String {
@@ -158,15 +178,8 @@ impl SimulatedSensor<ParametricScanner<f64>, 2> for SensingCircuit {
         let noise = self.seed.map(|seed| WhiteNoise::new(seed, AMPLIFIER_NOISE));
         let chain = Chain::new(&self.circuit, self.carrier_hz, rate_hz);
         let mut sensing = Circuitry { chain, circuit: self, scanner, drive, noise, output: 0.0 };
-        // More than 30 time constants of the slowest stage.
-        let slowest_hz = self.circuit.low_pass_hz.into_iter().fold(f64::INFINITY, f64::min);
-        let discharge_s = match self.circuit.detector {
-            AmplitudeDetector::Diode(diode) => diode.load_resistance * diode.load_capacitance,
-            AmplitudeDetector::SquareLaw(_) | AmplitudeDetector::Synchronous(_) => 0.0,
-        };
-        let settle_s = 30.0 * discharge_s.max(1.0 / (TAU * slowest_hz));
-        #[allow(clippy::cast_possible_truncation)] // saturates
-        let steps = (settle_s * rate_hz).ceil() as i64;
+        #[allow(clippy::cast_possible_truncation)] // at most MOST_SETTLING
+        let steps = (settling_s(&self.circuit) * rate_hz).ceil() as i64;
         for k in -steps..=0 {
             sensing.step(&[start[0], 0.0], k as f64 / rate_hz);
         }

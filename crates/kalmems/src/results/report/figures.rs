@@ -415,8 +415,11 @@ fn with_errors(segment: &SegmentOutcome) -> impl Iterator<Item = (&Trajectory, &
 fn nis(segment: &SegmentOutcome, prefix: &str) -> Figure {
     let estimate = &segment.estimate;
     let interval = estimate.segment.time.interval_s().unwrap_or(1.0);
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small positive count
-    let window = (1.0 / (estimate.motion.frequency_hz * interval)).round().max(1.0) as usize;
+    let samples = estimate.trajectories.iter().map(|trajectory| trajectory.time_s.len()).max().unwrap_or(1);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    // a positive count, or as many as there are
+    let window =
+        ((1.0 / (estimate.motion.frequency_hz * interval)).round().max(1.0) as usize).min(samples.max(1));
     let caption = format!(
         "The normalised innovation squared over the whole recording, averaged over each cycle of the motion \
          ({window} samples), and the interval that holds 95 % of such averages if the filter is right. Above it \

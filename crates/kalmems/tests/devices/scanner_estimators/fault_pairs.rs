@@ -435,7 +435,13 @@ fn told_by_the_filter(
     };
     assert_eq!(told, expected, "{place}\n{}", events_of(lines));
     let unknown = stopped + not_estimated;
+    let acting = others.len() as u64;
     for (what, is_so) in [
+        // Nothing is told more often than there is something that it could be of.
+        ("disturbed", disturbed <= sent.spikes + sent.drives),
+        ("rejected", rejected <= acting),
+        ("not estimated", not_estimated <= acting),
+        ("lost", lost <= acting),
         // The first block of a drive has no sine before it that an absurd drive could be told by, and stands in for those that another fault leaves out.
         ("stopped", stopped <= sent.spikes + sent.drives * faults.len() as u64),
         ("drive", sent.drives == 0 || unknown + disturbed > 0),
