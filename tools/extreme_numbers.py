@@ -39,7 +39,7 @@ def short(text):
     for key, value in (("skip", '"0 s"'), ("duration", '"2 ms"')):
         text = re.sub(rf"(?m)^{key} = .*$", f"{key} = {value}", text)
     if "[[vary" in text:
-        text = re.sub(r"points = \d+", "points = 1", re.sub(r"repeats = \d+", "repeats = 1", text))
+        text = re.sub(r"points = \d+", "points = 2", re.sub(r"repeats = \d+", "repeats = 1", text))
     return text
 
 

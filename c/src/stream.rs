@@ -5,40 +5,28 @@ use crate::experiment::KalmemsExperiment;
 use crate::text::{at_or_none, owned};
 use crate::watch::Watch;
 use kalmems::rigs::published;
-use kalmems::stream::{OpenedConnection, StreamError, StreamOutputs, StreamSummary, stream as estimated};
+use kalmems::stream::{PushedStream, StreamError};
 use std::collections::{HashMap, VecDeque};
 use std::ffi::{CString, c_char};
 use std::fmt::Write as _;
-use std::io::{self, ErrorKind, Read, Write};
 use std::path::PathBuf;
 use std::ptr::null;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
+use std::sync::mpsc::RecvTimeoutError;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
-
-/// Pieces of samples that wait to be read; who pushes more waits.
-const WAITING: usize = 64;
-/// How long the estimating thread waits for samples before it looks whether it is to stop.
-const PATIENCE: Duration = Duration::from_millis(50);
-
-type Ended = Result<StreamSummary, StreamError>;
 
 /// A stream that is being estimated on a thread of its own. One thread may push samples while another polls estimates.
 pub struct KalmemsStream {
-    samples: Mutex<Option<SyncSender<Vec<u8>>>>,
+    stream: PushedStream,
     lines: Mutex<Lines>,
     /// Columns of a sample that is pushed as numbers.
     width: usize,
-    stop: Arc<AtomicBool>,
-    thread: Mutex<Option<JoinHandle<Ended>>>,
     summary: Mutex<Option<CString>>,
 }
 
 /// What came out, and the part of it that was not polled.
+#[derive(Default)]
 struct Lines {
-    arriving: Receiver<Vec<u8>>,
     rest: Vec<u8>,
     ready: VecDeque<Item>,
     /// The names of the columns of each filter.
@@ -113,30 +101,10 @@ pub unsafe extern "C" fn kalmems_stream_open(
         let ready =
             experiment.given().prepare(published(), &Watch::new(None, std::ptr::null_mut()))?.experiment;
         let width = ready.stream.as_ref().map_or(0, |stream| stream.input.columns().len());
-        let (samples, arriving) = sync_channel(WAITING);
-        let (told, lines) = channel();
-        let stop = Arc::new(AtomicBool::new(false));
-        let (stopped, state) = (Arc::clone(&stop), state.map(PathBuf::from));
-        let work = move || {
-            let connection = Box::new(OpenedConnection::new(Pushed { arriving, rest: Vec::new(), taken: 0 }));
-            let outputs = StreamOutputs { lines: Some(Box::new(Told(told))), ..StreamOutputs::default() };
-            estimated(published(), &ready, connection, outputs, state.as_deref(), &|| {
-                stopped.load(Ordering::Relaxed)
-            })
-        };
-        let thread = std::thread::Builder::new().name("kalmems stream".to_owned()).spawn(work);
-        let thread = thread.map_err(|error| Failure::estimation(&error))?;
-        let (rest, ready, names, last) = (Vec::new(), VecDeque::new(), HashMap::new(), None);
-        let lines = Mutex::new(Lines { arriving: lines, rest, ready, names, last });
-        let (samples, thread) = (Mutex::new(Some(samples)), Mutex::new(Some(thread)));
-        Ok(Box::into_raw(Box::new(KalmemsStream {
-            samples,
-            lines,
-            width,
-            stop,
-            thread,
-            summary: Mutex::default(),
-        })))
+        let stream = PushedStream::begin(published(), ready, state.map(PathBuf::from))
+            .map_err(|error| Failure::estimation(&error))?;
+        let (lines, summary) = (Mutex::default(), Mutex::default());
+        Ok(Box::into_raw(Box::new(KalmemsStream { stream, lines, width, summary })))
     });
     or_null(made, error)
 }
@@ -204,20 +172,18 @@ pub unsafe extern "C" fn kalmems_stream_push_rows(
 
 impl KalmemsStream {
     fn push(&self, piece: Vec<u8>) -> Result<bool, Failure> {
-        let sender = locked(&self.samples).clone();
-        let sent = sender.is_some_and(|sender| sender.send(piece).is_ok());
         let why = || {
             Failure::argument(
                 "the stream takes no samples any more; poll it for the reason, or open another one",
             )
         };
-        if sent { Ok(true) } else { Err(why()) }
+        if self.stream.push(piece) { Ok(true) } else { Err(why()) }
     }
 
     /// Waits for the end of the work.
     fn end(&self) -> Result<(), Failure> {
-        let Some(thread) = locked(&self.thread).take() else { return Ok(()) };
-        let summary = match thread.join() {
+        let Some(ended) = self.stream.end() else { return Ok(()) };
+        let summary = match ended {
             Ok(Ok(summary)) => summary,
             Ok(Err(StreamError::Config(error))) => return Err(error.into()),
             Ok(Err(StreamError::Read(error))) => return Err(error.into()),
@@ -236,7 +202,7 @@ impl KalmemsStream {
 pub unsafe extern "C" fn kalmems_stream_close(stream: *const KalmemsStream) {
     // SAFETY: null or a stream of this library.
     if let Some(stream) = unsafe { stream.as_ref() } {
-        locked(&stream.samples).take();
+        stream.stream.close();
     }
 }
 
@@ -265,7 +231,7 @@ pub unsafe extern "C" fn kalmems_stream_poll(
         let mut lines = locked(&stream.lines);
         if lines.ready.is_empty() {
             let wait = Duration::try_from_secs_f64(timeout_s).unwrap_or_default();
-            match lines.arriving.recv_timeout(wait) {
+            match stream.stream.lines(wait) {
                 Ok(more) => lines.take(&more),
                 Err(RecvTimeoutError::Timeout) => return Ok(KalmemsPoll::Nothing),
                 Err(RecvTimeoutError::Disconnected) => {
@@ -282,9 +248,6 @@ impl Lines {
     /// Takes what came; a line that has not ended waits.
     fn take(&mut self, more: &[u8]) {
         self.rest.extend_from_slice(more);
-        for more in self.arriving.try_iter() {
-            self.rest.extend(more);
-        }
         let end = self.rest.iter().rposition(|byte| *byte == b'\n').map_or(0, |place| place + 1);
         let whole: Vec<u8> = self.rest.drain(..end).collect();
         for line in String::from_utf8_lossy(&whole).lines() {
@@ -357,47 +320,7 @@ pub unsafe extern "C" fn kalmems_stream_free(stream: *mut KalmemsStream) {
     }
     // SAFETY: it came from `Box::into_raw`.
     let stream = unsafe { Box::from_raw(stream) };
-    stream.stop.store(true, Ordering::Relaxed);
-    locked(&stream.samples).take();
+    stream.stream.stop();
     // The state is in its file when this returns.
-    let thread = locked(&stream.thread).take();
-    drop(thread.map(JoinHandle::join));
-}
-
-/// Samples that are pushed, as something that is read.
-struct Pushed {
-    arriving: Receiver<Vec<u8>>,
-    rest: Vec<u8>,
-    taken: usize,
-}
-
-impl Read for Pushed {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        while self.taken == self.rest.len() {
-            match self.arriving.recv_timeout(PATIENCE) {
-                Ok(samples) => (self.rest, self.taken) = (samples, 0),
-                Err(RecvTimeoutError::Disconnected) => return Ok(0),
-                Err(RecvTimeoutError::Timeout) => return Err(ErrorKind::WouldBlock.into()),
-            }
-        }
-        let left = self.rest.get(self.taken..).unwrap_or_default();
-        let count = left.len().min(buffer.len());
-        buffer[..count].copy_from_slice(&left[..count]);
-        self.taken += count;
-        Ok(count)
-    }
-}
-
-/// Lines for who polls.
-struct Told(Sender<Vec<u8>>);
-
-impl Write for Told {
-    fn write(&mut self, lines: &[u8]) -> io::Result<usize> {
-        self.0.send(lines.to_vec()).map_err(|_| io::Error::from(ErrorKind::BrokenPipe))?;
-        Ok(lines.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
+    drop(stream.stream.end());
 }

@@ -464,7 +464,7 @@ mod tests {
     fn cycles_are_not_counted_one_by_one() {
         let angle = [("angle", "rad", &kind::ANGLE)];
         let mut judge = AxisJudge::default();
-        for begins_s in [0.0, 1e5, 1e6, 1e12] {
+        for begins_s in [0.0, 1e5, 1e6, 1e10] {
             let time: Vec<f64> = (0..1000).map(|i| begins_s + f64::from(i) * 1e-6).collect();
             let samples = (&time[..], &time[..], &(0..time.len()));
             let trajectory = Trajectory::blank(("", ""), TrajectoryKind::Filtered, samples, &angle);

@@ -14,6 +14,7 @@ mod live;
 mod noise_only;
 mod order;
 mod output;
+mod pushed;
 mod recent;
 mod shared;
 mod state;
@@ -28,6 +29,7 @@ pub use latency::LatencyHistogram;
 pub use noise_only::{CYCLES, FOUND_BY_CHANCE, NoiseWatch, SignalContent};
 pub use order::{Order, OrderCounts, OrderSettings, OrderedEvent};
 pub use output::{SYNC, SYNC_AHEAD, SYNC_ORIGIN, StreamOutputs, Supervisor, is_frames, is_lines};
+pub use pushed::{Push, PushedStream};
 pub use shared::{StreamCounts, StreamEnd};
 pub use supervision::{FilterHealth, Health, LockState, StreamEvent};
 

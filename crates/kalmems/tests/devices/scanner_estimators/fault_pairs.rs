@@ -438,8 +438,7 @@ fn told_by_the_filter(
     let acting = others.len() as u64;
     for (what, is_so) in [
         // Nothing is told more often than there is something that it could be of.
-        ("disturbed", disturbed <= sent.spikes + sent.drives),
-        ("rejected", rejected <= acting),
+        ("disturbed", disturbed <= acting.max(sent.spikes + sent.drives)),
         ("not estimated", not_estimated <= acting),
         ("lost", lost <= acting),
         // The first block of a drive has no sine before it that an absurd drive could be told by, and stands in for those that another fault leaves out.
