@@ -97,12 +97,24 @@ def test_metrics_have_the_keys_of_the_structures_that_are_written() -> None:
     texts = [file.read_text(encoding="utf-8") for file in sorted((ROOT / "crates").glob("kalmems*/src/**/*.rs"))]
     structures = {name: body for text in texts for name, body in re.findall(r"Serialize\)\]\n(?:#\[.*\n)*pub struct (\w+) \{\n(.*?)\n\}", text, re.DOTALL)}
     names = {rust: RENAMED.get(rust, rust) for rust in structures}
+
+    def keys(rust: str) -> dict[str, bool]:
+        """The keys of a structure, with those of structures within it that have no key, and whether each may be left out."""
+        found: dict[str, bool] = {}
+        fields = re.findall(r"((?:    #\[.*\]\n)*)    (?:pub )?(\w+): ([^,\n]+)", re.sub(r"    ///.*\n", "", structures[rust] + "\n"))
+        for attributes, field, kind in fields:
+            if "flatten" in attributes and kind in structures:
+                found |= keys(kind)
+            elif "serde(skip)" not in attributes:
+                renamed = re.search(r'rename = "(\w+)"', attributes)
+                found[renamed[1] if renamed else field] = "skip_serializing_if" in attributes
+        return found
+
     compared = 0
     for rust, name in names.items():
         if name not in metrics.__all__ or name in FLATTENED:
             continue
-        fields = re.findall(r"((?:    #\[.*\]\n)*)    (?:pub )?(\w+): ", re.sub(r"    ///.*\n", "", structures[rust] + "\n"))
-        written = {field: "skip_serializing_if" in attributes for attributes, field in fields if "serde(skip)" not in attributes}
+        written = keys(rust)
         annotations = getattr(metrics, name).__annotations__
         own = {key: "NotRequired[" in (of.__forward_arg__ if isinstance(of, typing.ForwardRef) else str(of)) for key, of in annotations.items()}
         assert own == written, name

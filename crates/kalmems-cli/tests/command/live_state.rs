@@ -158,7 +158,7 @@ fn frames_in_which_a_bit_was_flipped_are_counted_and_the_others_estimated() {
     let lines = folder.path().join("lines.txt");
     let output = ended(stream(&experiment, &["--lines", lines.to_str().unwrap(), "--json"]), &bytes);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let summary: serde_json::Value = serde_json::from_slice(&output.stderr).unwrap();
     let received = &summary["received"];
     assert!(flipped >= 20);
     assert_eq!(received["damaged_frames"], flipped, "{received}");

@@ -9,6 +9,7 @@ use crate::signal::{
     white_noise_variance,
 };
 use kalmems_core::Nodes;
+use std::borrow::Cow;
 use std::cell::OnceCell;
 use std::ops::Range;
 
@@ -82,8 +83,26 @@ impl ColumnRows<'_> {
 /// that block.
 pub const BLOCK: usize = 4096;
 
-/// A sample beyond so many times the largest value of the first sine is an error of the recording and not the drive: no sine is fitted to it.
+/// A sample beyond so many times the largest value of the first sine, or the median of the first block, is an error of the recording and not the
+/// drive: no sine and no constant is fitted to it.
 const ABSURD: f64 = 1e6;
+
+/// The median of what is not 0 among the sizes of some samples; `None` where there is nothing.
+fn typical_size(volts: &[f64]) -> Option<f64> {
+    let mut sizes: Vec<f64> =
+        volts.iter().map(|v| v.abs()).filter(|size| size.is_finite() && *size > 0.0).collect();
+    let middle = sizes.len() / 2;
+    (!sizes.is_empty()).then(|| *sizes.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The samples without those that are larger, which are missing then.
+fn without_larger(volts: &[f64], largest: f64) -> Cow<'_, [f64]> {
+    let is_sound = |v: &f64| v.is_nan() || v.abs() <= largest;
+    if volts.iter().all(is_sound) {
+        return Cow::Borrowed(volts);
+    }
+    volts.iter().map(|v| if is_sound(v) { *v } else { f64::NAN }).collect()
+}
 
 /// Standard deviations of what a sine leaves within which samples are on it.
 const ON_THE_SINE: f64 = 6.0;
@@ -95,6 +114,8 @@ pub struct DrivePast {
     first_sine: Option<Sine>,
     /// The constant that its first rows are, where they follow no sine.
     first_level: Option<Sine>,
+    /// The size above which a sample is an error of the recording; `None` until the first block.
+    largest: Option<f64>,
     /// Rows of the segment before the new ones of the next part.
     rows: usize,
     /// The block before the present one, with its sine once that was asked for, and the present one as far as it is known.
@@ -217,16 +238,15 @@ impl DrivePast {
 
     /// Goes through new rows, block by block, and finds the sine for each block with rows whose drive is missing.
     fn take(&mut self, time_s: &[f64], volts: &[f64], rows: &Range<usize>, interval_s: f64) {
-        let largest =
-            self.first_sine.map_or(f64::INFINITY, |sine| ABSURD * (sine.offset.abs() + sine.amplitude));
-        let sound = |v: &f64| if v.abs() <= largest { *v } else { f64::NAN };
+        let of_sine = self.first_sine.map(|sine| ABSURD * (sine.offset.abs() + sine.amplitude));
+        let largest = of_sine.or(self.largest).unwrap_or(f64::INFINITY);
         let mut from = rows.start;
         while from < rows.end {
             let end = rows.end.min(from + BLOCK - self.present.time_s.len());
             self.foresee(&volts[from..rows.end.min(from + BLOCK)], interval_s);
             self.stand_in_for(time_s, volts, from..end, interval_s);
             self.present.time_s.extend_from_slice(&time_s[from..end]);
-            self.present.volts.extend(volts[from..end].iter().map(sound));
+            self.present.volts.extend_from_slice(&without_larger(&volts[from..end], largest));
             self.rows += end - from;
             if self.present.time_s.len() == BLOCK {
                 self.last = std::mem::take(&mut self.present);
@@ -312,6 +332,9 @@ impl<'a> SegmentDrive<'a> {
         let (fresh, interval_s) = (&samples.fresh, samples.interval_s);
         let before = past.rows;
         if before == 0 {
+            let end = fresh.end.min(fresh.start + BLOCK);
+            past.largest = typical_size(&volts[fresh.start..end]).map(|size| ABSURD * size);
+            let volts = without_larger(volts, past.largest.unwrap_or(f64::INFINITY));
             let fit = |rows: Range<usize>| {
                 let fitted = || fit_sine_until(&time_s[rows.clone()], &volts[rows.clone()], interval_s, stop);
                 let unless_stopped = || {
@@ -326,7 +349,6 @@ impl<'a> SegmentDrive<'a> {
                     // What is left of a constant when its mean is taken off is rounding, and no drive.
                     .filter(|sine| sine.amplitude > 1e-12 * sine.offset.abs())
             };
-            let end = fresh.end.min(fresh.start + BLOCK);
             past.first_sine = fit(fresh.start..end);
             past.first_level = past.first_sine.is_none().then(|| level(&volts[fresh.start..end])).flatten();
             past.sine = if end == fresh.end { past.first_sine } else { fit(fresh.clone()) };

@@ -441,8 +441,7 @@ fn told_by_the_filter(
         ("disturbed", disturbed <= acting.max(sent.spikes + sent.drives)),
         ("not estimated", not_estimated <= acting),
         ("lost", lost <= acting),
-        // The first block of a drive has no sine before it that an absurd drive could be told by, and stands in for those that another fault leaves out.
-        ("stopped", stopped <= sent.spikes + sent.drives * faults.len() as u64),
+        ("stopped", stopped <= sent.spikes + sent.drives),
         ("drive", sent.drives == 0 || unknown + disturbed > 0),
         ("spike", sent.spikes == 0 || rejected + disturbed + unknown + lost > 0),
         ("noise", noise_only <= faults.iter().filter(|(fault, _)| *fault == Fault::Noise).count() as u64),
