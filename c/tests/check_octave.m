@@ -87,7 +87,8 @@ stopped = kalmems.Stream(fullfile(scanner, 'stream.toml'));
 stopped.push(numbers)
 delete(stopped)
 
-trajectory = kalmems.estimate(fullfile(scanner, 'experiment.toml')).trajectories(2);
+estimated = kalmems.estimate(fullfile(scanner, 'experiment.toml'));
+trajectory = estimated.trajectories(2);
 set(0, 'DefaultFigureVisible', 'off')
 line_of_plot = kalmems.plot(trajectory, 'rate');
 assert(numel(get(line_of_plot, 'YData')) == numel(trajectory.rate))
