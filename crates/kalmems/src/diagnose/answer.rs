@@ -107,6 +107,7 @@ mod tests {
     use super::*;
     use crate::estimate::{Trajectory, TrajectoryKind, TurnedStates};
     use crate::units::kind;
+    use std::f64::consts::TAU;
 
     /// An ellipse, 2 m long and 1 m wide times a factor, turned by an angle in rad; the answer is its first axis.
     fn trial(angle: f64, factor: f64) -> DiagnosisTrial {
@@ -116,7 +117,7 @@ mod tests {
         let mut of = Trajectory::blank(("a", "A"), TrajectoryKind::Filtered, all, &states);
         let (sine, cosine) = angle.sin_cos();
         for (k, t) in time_s.iter().enumerate() {
-            let (x, y) = (2.0 * factor * (0.1 * t).cos(), factor * (0.1 * t).sin());
+            let (x, y) = (2.0 * factor * (TAU * t / 100.0).cos(), factor * (TAU * t / 100.0).sin());
             of.states[0].mean[k] = cosine * x - sine * y;
             of.states[1].mean[k] = sine * x + cosine * y;
         }
@@ -131,7 +132,7 @@ mod tests {
 
     #[test]
     fn answers_that_a_hidden_turn_tells_apart_differ_by_what_is_left_after_it() {
-        let from = trial(0.3, 1.0);
+        let from = trial(0.0, 1.0);
         assert!(moved(&from, &trial(1.7, 1.0)) < 1e-6);
         // 1 % larger, whatever the turn is.
         let of_rms = (from.answer.iter().map(|x| x * x).sum::<f64>() / 300.0).sqrt();
