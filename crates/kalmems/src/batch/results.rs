@@ -154,7 +154,7 @@ impl BatchRow<'_> {
 
 /// The signals of the trusted filters of a recording.
 fn signals_of(row: &BatchRow) -> Vec<BatchSignal> {
-    let own = row.piece().map_or(&[][..], |piece| &piece.rows);
+    let own = row.piece().map_or(&[][..], |piece| piece.rows.as_slice());
     own.iter().flat_map(|own| signals(&row.recording.name, own)).collect()
 }
 
