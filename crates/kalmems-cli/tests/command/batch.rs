@@ -286,9 +286,12 @@ fn a_batch_has_the_mean_nis_of_each_signal_in_its_table_and_in_its_json() {
     // Noise of the stated variances, one of two alternating signs; the electrical sensor lacks every second sample, and the second one is off by 3 A.
     for (name, off) in [("first", 0.0), ("second", 3.0)] {
         let row = |k: u32| {
-            let sign = |of: u32| if of % 2 == 0 { 1.0 } else { -1.0 };
-            let electrical =
-                if k % 2 == 0 { format!("{}", 0.3 + off + 0.5 * sign(k / 2)) } else { String::new() };
+            let sign = |of: u32| if of.is_multiple_of(2) { 1.0 } else { -1.0 };
+            let electrical = if k.is_multiple_of(2) {
+                format!("{}", 0.3 + off + 0.5 * sign(k / 2))
+            } else {
+                String::new()
+            };
             format!("{},{},{electrical}\n", f64::from(k) * 1e-3, 0.2 * sign(k))
         };
         let rows: String = (0..200).map(row).collect();
