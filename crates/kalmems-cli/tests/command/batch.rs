@@ -274,6 +274,7 @@ skip = "0 s"
 [[estimate.filter]]
 name = "Both"
 method = "ekf"
+gate = false
 start = { x = "0 m" }
 start_sd = { x = "1 m" }
 "#;
