@@ -10,8 +10,11 @@ pub(crate) type ResultRow = Map<String, Value>;
 /// What begins the names of the lists of states of which the signals do not tell one branch from the other.
 const ARBITRARY: &str = "arbitrary_";
 
+/// The list of the figures of each signal of a filter that several correct.
+pub(crate) const BY_SIGNAL: &str = "by_signal";
+
 /// All rows of a run, from what `metrics.json` of an estimate would hold. A figure that there is not has no column; of
-/// a list, the row has the length; of names, these.
+/// a list, the row has the length; of names, these; of signals, the figures of each.
 pub(crate) fn rows(metrics: &Metrics) -> Vec<ResultRow> {
     rows_of(&serde_json::to_value(metrics).unwrap_or_default())
 }
@@ -74,6 +77,16 @@ fn flatten(name: &str, value: &Value, row: &mut ResultRow) {
                 flatten(&format!("{name}.{below}"), value, row);
             }
         }
+        Value::Array(items) if name == BY_SIGNAL => {
+            for item in items {
+                let signal = item.get("signal").and_then(Value::as_str).unwrap_or_default();
+                for (below, value) in
+                    item.as_object().into_iter().flatten().filter(|(key, _)| *key != "signal")
+                {
+                    flatten(&format!("{name}.{signal}.{below}"), value, row);
+                }
+            }
+        }
         Value::Array(items) => {
             row.insert(name.to_owned(), Value::String(items.len().to_string()));
         }
@@ -89,10 +102,11 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn a_row_names_the_states_whose_sign_is_arbitrary() {
+    fn a_row_names_the_states_whose_sign_is_arbitrary_and_the_signals() {
         let segment = json!({ "label": "a", "arbitrary_signs": ["theta", "phi"], "arbitrary_half_turns": ["turn"],
             "arbitrary_turns": [["x", "y"], ["phi"]], "remarks": ["one"],
-            "estimators": [{ "key": "ekf", "name": "EKF", "counts": { "samples": 3 } }] });
+            "estimators": [{ "key": "ekf", "name": "EKF", "counts": { "samples": 3 },
+                "by_signal": [{ "signal": "near", "mean_nis": 1.5 }, { "signal": "far", "mean_nis": 0.5 }] }] });
         let found = rows_of(&json!({ "recordings": [{ "name": "test", "segments": [segment] }] }));
         let of = |name: &str| found[0][name].as_str().unwrap().to_owned();
         assert_eq!(
@@ -101,10 +115,12 @@ mod tests {
                 "segment.arbitrary_half_turns",
                 "segment.arbitrary_turns",
                 "segment.remarks",
-                "counts.samples"
+                "counts.samples",
+                "by_signal.near.mean_nis",
+                "by_signal.far.mean_nis"
             ]
             .map(of),
-            ["theta phi", "turn", "x+y phi", "1", "3"]
+            ["theta phi", "turn", "x+y phi", "1", "3", "1.5", "0.5"]
         );
     }
 }

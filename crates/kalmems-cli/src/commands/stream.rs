@@ -383,6 +383,9 @@ fn text(summary: &StreamSummary) -> String {
             text += &format!("{} samples at which the drive could not be predicted\n", counts.without_drive);
         }
     }
+    for (filter, steps) in summary.step_errors.iter().filter(|(_, steps)| steps.is_remarkable()) {
+        text += &format!("`{filter}`: {steps}\n");
+    }
     if let Some(origin) = &summary.origin {
         text += &format!("{}\n", origin.sentence());
     }

@@ -254,3 +254,69 @@ fn an_arbitrary_sign_is_in_answer_and_grade_and_in_the_row_of_a_batch() {
     assert!(said(&all).contains("arbitrary sign of"), "{}", said(&all));
     assert_eq!(rows(&folder.join("all/summary.csv"))[0]["segment.arbitrary_signs"], "angle");
 }
+
+/// A position that wanders, seen by an optical and an electrical sensor.
+const STAGE: &str = r#"
+name = "stage"
+[device.equations]
+states = { x = "m" }
+derivative = { x = "0" }
+parameters = { gain = "2 A/m", offset = "0.3 A" }
+measure = { optical = "x in m", electrical = "gain*x + offset in A" }
+noise = { optical = "0.04[m^2]", electrical = "0.25[A^2]", x = "9[m^2/s]" }
+[[recording]]
+role = "test"
+file = "recording.csv"
+clock = { column = "time_s" }
+channels = { optical = "optical_m", electrical = "electrical_A" }
+[estimate]
+skip = "0 s"
+[[estimate.filter]]
+name = "Both"
+method = "ekf"
+gate = false
+start = { x = "0 m" }
+start_sd = { x = "1 m" }
+"#;
+
+#[test]
+fn a_batch_has_the_mean_nis_of_each_signal_in_its_table_and_in_its_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("experiment.toml"), STAGE).unwrap();
+    // Noise of the stated variances, one of two alternating signs; the electrical sensor lacks every second sample, and the second one is off by 3 A.
+    for (name, off) in [("first", 0.0), ("second", 3.0)] {
+        let row = |k: u32| {
+            let sign = |of: u32| if of.is_multiple_of(2) { 1.0 } else { -1.0 };
+            let electrical = if k.is_multiple_of(2) {
+                format!("{}", 0.3 + off + 0.5 * sign(k / 2))
+            } else {
+                String::new()
+            };
+            format!("{},{},{electrical}\n", f64::from(k) * 1e-3, 0.2 * sign(k))
+        };
+        let rows: String = (0..200).map(row).collect();
+        fs::write(folder.join(format!("{name}.csv")), format!("time_s,optical_m,electrical_A\n{rows}"))
+            .unwrap();
+    }
+    let command = ["batch", "first.csv", "second.csv", "--experiment", "experiment.toml", "--out", "all"];
+    let table = said(&run(folder, &command));
+    assert!(table.contains("mean NIS of optical") && table.contains("mean NIS of electrical"), "{table}");
+    let told = run(folder, &[&command[..], &["--json"]].concat());
+    let told: serde_json::Value = serde_json::from_slice(&told.stdout).unwrap();
+    let found = told["by_signal"].as_array().unwrap();
+    let named: Vec<[&str; 2]> =
+        found.iter().map(|of| ["recording", "signal"].map(|key| of[key].as_str().unwrap())).collect();
+    let of = |name| ["optical", "electrical"].map(|signal| [name, signal]);
+    assert_eq!(named, [of("first"), of("second")].concat());
+    let updates: Vec<u64> = found.iter().map(|of| of["updates"].as_u64().unwrap()).collect();
+    assert_eq!(updates, [200, 100, 200, 100]);
+    let nis: Vec<f64> = found.iter().map(|of| of["mean_nis"].as_f64().unwrap()).collect();
+    assert!(nis[1] < 2.0 && nis[3] > 5.0, "{nis:?}");
+    // As in the tables of the folder.
+    for (row, place) in rows(&folder.join("all/summary.csv")).iter().zip([0, 2]) {
+        for (signal, place) in [("optical", place), ("electrical", place + 1)] {
+            assert_eq!(row[&format!("by_signal.{signal}.mean_nis")].parse(), Ok(nis[place]));
+        }
+    }
+}

@@ -387,6 +387,44 @@ fn metrics_hold_what_health_holds_and_are_complete_at_the_end() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
+/// Of the example one sample of five, 12.8 in a cycle of the motion, with one step from each to the next.
+#[test]
+fn a_stream_states_what_its_integration_steps_add_to_its_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = fs::read_to_string(example("recording.csv")).unwrap();
+    let is_taken = |(k, _): &(usize, &str)| *k == 0 || k % 5 == 1;
+    let rows: Vec<&str> = recording.lines().enumerate().filter(is_taken).map(|(_, line)| line).collect();
+    fs::write(folder.path().join("recording.csv"), rows.join("\n") + "\n").unwrap();
+    let text = fs::read_to_string(example("stream.toml")).unwrap();
+    let text = text.replace("rate = \"1 MHz\"", "rate = \"200 kHz\"");
+    let text = text.replace("method = \"ekf\"", "method = \"ekf\"\nsteps = 1");
+    let experiment = folder.path().join("stream.toml");
+    fs::write(&experiment, text).unwrap();
+    let run = |further: &[&str]| {
+        let mut command = kalmems(&experiment);
+        command.current_dir(folder.path()).args(["--from", "recording.csv", "--lines", "l.txt", "--force"]);
+        let output = command.args(further).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let said = run(&["--metrics", "metrics.prom"]);
+    assert!(
+        said.contains("`ekf`: the integration step, 1 from each sample to the next, adds an error of"),
+        "{said}"
+    );
+    let metrics = fs::read_to_string(folder.path().join("metrics.prom")).unwrap();
+    assert!(metrics.contains("kalmems_stream_filter_step_error{estimator=\"ekf\"} "), "{metrics}");
+    let json = run(&["--json"]);
+    let summary: serde_json::Value = serde_json::from_str(&json[json.find('{').unwrap()..]).unwrap();
+    let found = &summary["step_errors"]["ekf"];
+    assert!(found["error"].as_f64().unwrap() > 0.05 && found["steps_per_sample"] == 1, "{summary}");
+    // That of the same samples in a file.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_kalmems"));
+    command.current_dir(folder.path()).args(["estimate", "stream.toml", "--json", "--out", "estimated"]);
+    let metrics: serde_json::Value = serde_json::from_slice(&command.output().unwrap().stdout).unwrap();
+    assert_eq!(&metrics["recordings"][0]["segments"][0]["estimators"][0]["step_errors"], found);
+}
+
 /// A client that connected, sent samples and is silent holds a listener for the idle limit and no longer.
 #[test]
 fn a_listener_leaves_a_silent_client_after_the_idle_limit() {

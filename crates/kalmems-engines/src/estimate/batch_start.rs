@@ -1,7 +1,9 @@
 //! Where a filter starts, from the first samples of a segment alone.
 
 use super::engine::{Course, Filtering};
+use super::hidden_turn::TurnedStates;
 use super::phase_prediction::{PhasePredictor, StatePropagation};
+use super::start_turns::StartTurns;
 use super::transition::{Sensor, SensorMeasurement, Transition};
 use super::{MeanAndCovariance, SampleCounts};
 use crate::fit::{Fit, FitSettings, Regression, fit, outliers};
@@ -32,6 +34,8 @@ pub struct StartSearch {
     pub mirrored: Vec<Vec<usize>>,
     /// States whose signs no signal tells together, of one that comes round the half of its period: starts that differ by these are one.
     pub hidden: Vec<Vec<usize>>,
+    /// Turns of states that no signal tells: starts that differ by these are one, and of a turn that is not known before one of them is taken.
+    pub turns: Vec<Vec<TurnedStates>>,
     /// States that come round, and the period of each.
     pub periods: Vec<(usize, f64)>,
     /// Starts from which it is sought as well, such as what a lock-in finds.
@@ -117,7 +121,8 @@ pub fn batch_start(
     if states > MOST_STARTED {
         return Err(NoBatchStart::TooManyStates { states, most: MOST_STARTED });
     }
-    let mut batch = StartBatch { course: RefCell::new(course), rows, search, left_out: Vec::new() };
+    let turns = StartTurns::of(&search.turns, &search.prior, &search.periods);
+    let mut batch = StartBatch { course: RefCell::new(course), rows, search, turns, left_out: Vec::new() };
     let (mut found, mut fits) = batch.minima()?;
     for _ in 0..ROUNDS {
         let Some(left_out) = outliers(&batch.of_samples(&found.parameters)) else { break };
@@ -136,6 +141,7 @@ struct StartBatch<'a> {
     course: RefCell<&'a mut dyn Course>,
     rows: Range<usize>,
     search: &'a StartSearch,
+    turns: StartTurns<'a>,
     /// Which samples are not used, in the order in which they correct a filter; of those behind the list all are.
     left_out: Vec<bool>,
 }
@@ -256,11 +262,14 @@ impl StartBatch<'_> {
 
     /// The start that is known before.
     fn rest(&self) -> StartDeviations {
-        std::array::from_fn(|i| self.search.prior.get(i).map_or(0.0, |prior| prior.mean))
+        let mut rest = std::array::from_fn(|i| self.search.prior.get(i).map_or(0.0, |prior| prior.mean));
+        self.turns.take_out(&mut rest);
+        rest
     }
 
     fn free(&self) -> [bool; MOST_STARTED] {
-        std::array::from_fn(|i| self.search.prior.get(i).is_some_and(|prior| prior.sd != Some(0.0)))
+        let is_free = |i| self.search.prior.get(i).is_some_and(|prior: &StatePrior| prior.sd != Some(0.0));
+        std::array::from_fn(|i| is_free(i) && !self.turns.holds(i))
     }
 
     /// A filter that knows this start exactly, led through the rows. Each residual is handed out with its derivatives, which are not
@@ -370,7 +379,8 @@ impl StartBatch<'_> {
     }
 
     /// The minimum that a seed leads to.
-    fn follow(&self, seed: StartDeviations) -> Option<Fit<MOST_STARTED>> {
+    fn follow(&self, mut seed: StartDeviations) -> Option<Fit<MOST_STARTED>> {
+        self.turns.take_out(&mut seed);
         fit(self, &self.settings(seed)).ok()
     }
 

@@ -167,7 +167,7 @@ impl Trajectory {
     }
 
     /// Another answer to the same samples after the turns that bring it nearest to this one; `None` where no turn is hidden.
-    pub(crate) fn turned_like(&self, other: &Self) -> Option<Self> {
+    pub fn turned_like(&self, other: &Self) -> Option<Self> {
         let own = |of: &Self, place: usize, k: usize| {
             of.states.get(place).and_then(|state| state.mean.get(k)).copied().unwrap_or(f64::NAN)
         };

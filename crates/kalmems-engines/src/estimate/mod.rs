@@ -35,6 +35,7 @@ mod segments;
 mod signal_watch;
 mod smoothing;
 mod solved_gain;
+mod start_turns;
 mod step_watch;
 mod stretches;
 mod tracked;

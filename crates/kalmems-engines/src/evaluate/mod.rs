@@ -43,7 +43,7 @@ pub use parts::PartErrors;
 pub use reference::{ONE_ANGLE, ReferenceError, ReferenceMotion, ReferenceRecording};
 pub use reference_parts::ReferenceParts;
 pub use rejections::{OpenGate, Outlier, RejectionFault, Rejections};
-pub use step_errors::StepErrors;
+pub use step_errors::{StepErrorRecord, StepErrors};
 pub use value::{ErrorsByState, ValueErrors, ValueReference, ValueState, evaluate_values};
 
 /// More digits of a probability mean nothing, and are not the same on every machine.

@@ -1,7 +1,8 @@
 //! How far the steps between samples lead a filter astray, over all that is scored of it.
 
-use crate::estimate::Trajectory;
+use crate::estimate::{StepError, Trajectory};
 use serde::Serialize;
+use std::collections::VecDeque;
 use std::fmt;
 
 /// The error of a filter's steps: what its mean is off by because it goes from sample to sample in steps of a finite length, in standard
@@ -34,27 +35,9 @@ const SHORT_ENOUGH: f64 = 0.02;
 impl StepErrors {
     /// Of a trajectory, from a time in s on; `None` where its steps are exact, or too few samples are known.
     pub fn of(trajectory: &Trajectory, from_s: f64) -> Option<Self> {
-        let scored = trajectory.step_errors.iter().filter(|one| one.until_s >= from_s);
-        let (mut squares, mut samples) = (0.0, 0.0);
-        for one in scored.clone() {
-            squares += one.error * one.error * one.samples as f64;
-            samples += one.samples as f64;
-        }
-        let (mut last, mut of_last) = (0.0, 0);
-        for one in scored.rev().take_while(|one| one.samples > 0) {
-            last += one.error * one.error * one.samples as f64;
-            of_last += one.samples;
-            if of_last >= END {
-                break;
-            }
-        }
-        (samples > 0.0).then(|| Self {
-            steps_per_sample: trajectory.steps.last(),
-            error: (squares / samples).sqrt(),
-            at_the_end: (last / of_last as f64).sqrt(),
-            squares,
-            samples,
-        })
+        let mut record = StepErrorRecord::default();
+        record.take(trajectory, from_s);
+        record.errors()
     }
 
     /// Takes those of a later part in.
@@ -89,6 +72,54 @@ impl StepErrors {
             (steps, error) = (2 * steps, error / 16.0);
         }
         (error.is_finite() && steps <= 1024).then_some(steps)
+    }
+}
+
+/// The errors of steps as they become known part by part, in bounded memory; the same for any division into parts.
+#[derive(Clone, Debug, Default)]
+pub struct StepErrorRecord {
+    steps_per_sample: Option<usize>,
+    squares: f64,
+    samples: f64,
+    /// Those of the end, over at least 4096 samples if there are as many.
+    last: VecDeque<StepError>,
+}
+
+impl StepErrorRecord {
+    /// Takes those of the next part of a trajectory in, from a time in s on.
+    pub fn take(&mut self, part: &Trajectory, from_s: f64) {
+        self.steps_per_sample = part.steps.last().or(self.steps_per_sample);
+        for one in part.step_errors.iter().filter(|one| one.until_s >= from_s) {
+            self.squares += one.error * one.error * one.samples as f64;
+            self.samples += one.samples as f64;
+            if one.samples == 0 {
+                self.last.clear();
+                continue;
+            }
+            self.last.push_back(*one);
+            let mut of_last: usize = self.last.iter().map(|one| one.samples).sum();
+            while let Some(first) = self.last.front().filter(|first| of_last - first.samples >= END) {
+                of_last -= first.samples;
+                self.last.pop_front();
+            }
+        }
+    }
+
+    /// The errors until now; `None` if the steps are exact, or too few samples are known.
+    pub fn errors(&self) -> Option<StepErrors> {
+        let (mut last, mut of_last) = (0.0, 0);
+        for one in self.last.iter().rev() {
+            last += one.error * one.error * one.samples as f64;
+            of_last += one.samples;
+        }
+        let Self { steps_per_sample, squares, samples, .. } = *self;
+        (samples > 0.0).then(|| StepErrors {
+            steps_per_sample,
+            error: (squares / samples).sqrt(),
+            at_the_end: (last / of_last as f64).sqrt(),
+            squares,
+            samples,
+        })
     }
 }
 
@@ -154,6 +185,27 @@ mod tests {
         assert!(!errors(&[0.01, 0.01]).unwrap().is_remarkable());
         assert!(errors(&[0.1, f64::NAN]).unwrap().is_large());
         assert!(errors(&[0.1]).is_none());
+    }
+
+    #[test]
+    fn errors_that_become_known_part_by_part_are_those_of_the_whole() {
+        let mut whole = Trajectory::blank(("ekf", "EKF"), TrajectoryKind::Filtered, (&[], &[], &(0..0)), &[]);
+        whole.steps.begin(0.0, 2, true);
+        let error = |k: usize| StepError { until_s: k as f64, samples: 256, error: 1e-3 * k as f64 };
+        whole.step_errors = (0..100).map(error).collect();
+        let mut record = StepErrorRecord::default();
+        for one in &whole.step_errors {
+            record.take(&Trajectory { step_errors: vec![*one], ..whole.clone() }, 3.0);
+            assert!(record.last.len() <= END / 256, "{record:?}");
+        }
+        let found = record.errors().unwrap();
+        assert_eq!(found, StepErrors::of(&whole, 3.0).unwrap());
+        // Means of squares: of 3 to 99, and of the last 16 of them, 84 to 99.
+        let mean =
+            |from: u32| (from..100).map(|k| 1e-6 * f64::from(k * k)).sum::<f64>() / f64::from(100 - from);
+        let expected = [mean(3), mean(84)].map(f64::sqrt);
+        assert!((found.error / expected[0] - 1.0).abs() < 1e-12, "{found:?} {expected:?}");
+        assert!((found.at_the_end / expected[1] - 1.0).abs() < 1e-12, "{found:?} {expected:?}");
     }
 
     /// `steps` changes nothing where kinks ask for a number of steps at each sample.

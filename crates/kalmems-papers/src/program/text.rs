@@ -29,7 +29,7 @@ pub fn summary_table(reproduction: &Reproduction, with_reasons: bool) -> TextTab
 /// One row per check of an item: the paper beside ours.
 pub fn checks_table(item: &Item) -> TextTable {
     let [paper, ours] = item.head.origin.heads();
-    let columns = ["", paper, ours, "comparison", "criterion"].map(ColumnHead::text);
+    let columns = ["quantity", paper, ours, "comparison", "criterion"].map(ColumnHead::text);
     let mut table = TextTable::new("", columns);
     for check in &item.checks {
         table.push([check.subject(), check.paper(), check.ours(), check.comparison(), check.criterion()]);

@@ -69,7 +69,7 @@ pub fn run(work: &PartWork) -> Result<Vec<Item>, ReproduceError> {
     let rms = |place: usize| SeedSpread::of(results.iter().map(|trial| 1e15 * trial.walked[place]));
     let mut table = TextTable::new(
         "The charge added up over time, root mean square distance from C(θ(t))",
-        [ColumnHead::text(""), ColumnHead::text("fF")],
+        [ColumnHead::text("sum"), ColumnHead::text("distance (fF)")],
     );
     table.push(["as D (73) has it".to_owned(), rms(0).to_text()]);
     table.push(["taken back to its peak at each crossing".to_owned(), rms(1).to_text()]);

@@ -214,7 +214,7 @@ fn order(trials: &[ErrorsTrial]) -> Item {
     );
     let mut table = TextTable::new(
         "By how much the hybrid filter is below the EKF, in per cent",
-        [ColumnHead::text(""), ColumnHead::text("paper"), ColumnHead::text("ours")],
+        [ColumnHead::text("runs"), ColumnHead::text("paper"), ColumnHead::text("ours")],
     );
     for ((head, paper), ours) in published::HEADS.iter().zip(published::REDUCED).zip(&reductions) {
         table.push([(*head).to_owned(), format!("{paper}"), ours.to_text()]);

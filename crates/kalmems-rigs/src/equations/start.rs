@@ -6,7 +6,8 @@ use super::model::EquationModel;
 use super::own_device::{OwnDevice, modes_of};
 use crate::estimate::{
     BatchStart, EstimateError, HiddenSwing, MeanAndCovariance, SignalStart, StartAgain, StartSearch,
-    StatePrior, rows_for_start, rows_to_start_again, start_again_from_signal, start_from_signal,
+    StatePrior, TurnedStates, rows_for_start, rows_to_start_again, start_again_from_signal,
+    start_from_signal,
 };
 use kalmems_equations::{MOST_STATES, Mode, shape};
 use std::f64::consts::TAU;
@@ -15,6 +16,8 @@ use std::f64::consts::TAU;
 const OSCILLATES: f64 = 0.3;
 /// Oscillations whose phases are sought; the amplitudes of the faster ones follow by themselves.
 const MOST_SHAPES: usize = 3;
+/// The difference of two rates of axes that are alike, relative to them.
+const ALIKE: f64 = 1e-9;
 
 /// The modes of a device where a search begins: a resonance that is a state is where the file says that it is.
 struct FreeMotion {
@@ -73,6 +76,25 @@ pub fn most_rows((own, prior): (&OwnDevice, &[StatePrior]), interval_s: f64) -> 
     rows_for_start((cycle_s(own, prior), interval_s), own.device.states().len())
 }
 
+/// A shape of a free oscillation, and what the generator of each hidden turn makes of it: that is one as well, with the same rate.
+fn with_turned(shape: [Vec<f64>; 2], turns: &[Vec<TurnedStates>]) -> Vec<[Vec<f64>; 2]> {
+    let generated = |turn: &Vec<TurnedStates>| {
+        shape.each_ref().map(|part| {
+            let mut turned = vec![0.0; part.len()];
+            for TurnedStates { places: [first, second], rate } in turn {
+                if let (Some(a), Some(b)) = (part.get(*first), part.get(*second))
+                    && first != second
+                {
+                    (turned[*first], turned[*second]) = (-rate * b, rate * a);
+                }
+            }
+            turned
+        })
+    };
+    let turned: Vec<[Vec<f64>; 2]> = turns.iter().map(generated).collect();
+    std::iter::once(shape).chain(turned).collect()
+}
+
 /// What the search knows of a device and of a filter's states.
 fn search(own: &OwnDevice, prior: Vec<StatePrior>) -> StartSearch {
     let states = own.device.states().len();
@@ -81,8 +103,14 @@ fn search(own: &OwnDevice, prior: Vec<StatePrior>) -> StartSearch {
     let free = FreeMotion::about(own, &search.prior);
     let mut slowest: Vec<&Mode> = free.oscillating().collect();
     slowest.sort_by(|a, b| a.rate.total_cmp(&b.rate));
+    if !own.hidden_turns.is_empty() {
+        // Axes that are alike have one rate, and one of its shapes is found.
+        slowest.dedup_by(|a, b| (a.rate - b.rate).abs() <= ALIKE * b.rate);
+    }
     let shapes = slowest.into_iter().take(MOST_SHAPES);
-    search.shapes = shapes.filter_map(|mode| shape(&free.linear, states, mode)).collect();
+    let shapes = shapes.filter_map(|mode| shape(&free.linear, states, mode));
+    search.shapes = shapes.flat_map(|shape| with_turned(shape, &own.hidden_turns)).collect();
+    search.turns.clone_from(&own.hidden_turns);
     let known: Vec<(usize, usize)> = own.motion.sparsity().collect();
     let own_states = own.device.own_states().min(states);
     // Of signs that no signal tells either is taken: an experiment states it afterwards, or it is said to be arbitrary.

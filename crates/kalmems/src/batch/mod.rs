@@ -34,9 +34,11 @@ mod input;
 mod journal;
 mod results;
 mod run;
+mod signals;
 mod work;
 
 pub use error::BatchError;
 pub use input::{BatchContent, BatchRecording};
 pub use results::BatchSummary;
 pub use run::{Batch, BatchOptions, BatchOutcome};
+pub use signals::BatchSignal;

@@ -2,6 +2,7 @@
 
 use super::input::{distinct, file_name};
 use super::journal::BatchPiece;
+use super::signals::{BatchSignal, signal_of, signals};
 use super::{BatchContent, BatchError, BatchRecording};
 use crate::results::{Notice, Output};
 use crate::rows;
@@ -17,7 +18,7 @@ use std::path::PathBuf;
 /// Columns that come before the figures.
 const BEFORE: [&str; 6] = ["recording", "same_as", "error", "trajectories", "file", "sha256"];
 
-/// Figures that the summary has, beside all that end with `rmse` and a unit.
+/// Figures that the summary has, with all that end with `rmse` and a unit.
 const SUMMARY: [&str; 14] = [
     "segment",
     "segment.stretch.number",
@@ -52,8 +53,11 @@ pub struct BatchSummary {
     pub same_as: BTreeMap<String, String>,
     /// Recordings that could not be estimated, and why.
     pub failures: BTreeMap<String, String>,
-    /// Recordings in which the filter that is to be trusted is doubtful or worse.
+    /// Recordings in which the trusted filter is doubtful or worse.
     pub doubtful: Vec<String>,
+    /// Mean NIS of each signal of the trusted filters; empty if one signal corrects them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub by_signal: Vec<BatchSignal>,
     /// The table of `summary.csv`, as far as a screen has it.
     #[serde(skip)]
     table: figures::TextTable,
@@ -148,6 +152,12 @@ impl BatchRow<'_> {
     }
 }
 
+/// The signals of the trusted filters of a recording.
+fn signals_of(row: &BatchRow) -> Vec<BatchSignal> {
+    let own = row.piece().map_or(&[][..], |piece| piece.rows.as_slice());
+    own.iter().flat_map(|own| signals(&row.recording.name, own)).collect()
+}
+
 /// Writes all results of a batch; `place_of` says where the file of a recording's trajectories is.
 pub(super) fn write_results(
     (experiment, text): (&str, &str),
@@ -184,6 +194,7 @@ pub(super) fn write_results(
             })
             .collect(),
         doubtful: rows.iter().filter(|row| row.piece().is_some_and(|piece| piece.doubtful)).map(of).collect(),
+        by_signal: rows.iter().flat_map(signals_of).collect(),
         table: shown(&short),
     };
     let page = explained(page(&summary, text)).to_html()?;
@@ -264,15 +275,17 @@ fn table(rows: &[BatchRow], files: &[String]) -> TidyTable {
 /// A row for each recording, or for each of its segments, with the filter that is to be trusted.
 fn summary_of(results: &TidyTable) -> TidyTable {
     let is_error = |name: &str| name.rsplit('.').next().is_some_and(|last| last.starts_with("rmse_"));
-    let wanted = |name: &&str| SUMMARY.contains(name) || is_error(name);
+    let wanted = |name: &&str| SUMMARY.contains(name) || is_error(name) || signal_of(name).is_some();
     let figures = results.columns.iter().skip(BEFORE.len()).map(String::as_str).filter(wanted);
     let ordered = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<String>>();
     let figures: Vec<&str> = figures.collect();
     let (first, last) = BEFORE.split_at(2);
     let in_order = SUMMARY.iter().copied().filter(|name| figures.contains(name));
+    let signals = figures.iter().copied().filter(|name| signal_of(name).is_some());
     let errors = figures.iter().copied().filter(|name| is_error(name));
-    let columns: Vec<&str> =
-        first.iter().copied().chain(in_order).chain(errors).chain(last.iter().copied()).collect();
+    let columns: Vec<&str> = (first.iter().copied().chain(in_order).chain(signals).chain(errors))
+        .chain(last.iter().copied())
+        .collect();
     let places: Vec<usize> = columns.iter().filter_map(|name| results.column(name)).collect();
     let trusted = results.column("trusted");
     let segment = results.column("segment");
@@ -324,13 +337,16 @@ fn shown(summary: &TidyTable) -> figures::TextTable {
             "consistency.mean_nis",
             "segment.motion_hz",
         ];
-        shown.contains(&name) || angle_or_value
+        shown.contains(&name) || angle_or_value || signal_of(name).is_some()
     };
     let has_any = |place: usize| summary.rows.iter().any(|line| !line.cells[place].is_empty());
     let places: Vec<usize> = (0..summary.columns.len())
         .filter(|place| is_shown(&summary.columns[*place]) && has_any(*place))
         .collect();
     let column = |place: &usize| {
+        if let Some(signal) = signal_of(&summary.columns[*place]) {
+            return ColumnHead::number(format!("mean NIS of {signal}"), "");
+        }
         let label = match summary.columns[*place].as_str() {
             "consistency.mean_nis" => "mean NIS",
             "segment.motion_hz" => return ColumnHead::number("motion", "Hz"),

@@ -20,7 +20,7 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
 /// Counts up where the same input gives other results, so that no journal is continued across it.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// What stands for a recording's name in the path of its reference.
 const NAME: &str = "{name}";

@@ -296,9 +296,9 @@ impl<'a> TrialBench<'a> {
         self.varied.iter().filter_map(|told| self.run_experiment(told, &[], (Judged::No, &|_| true)))
     }
 
-    /// How far its steps lead it astray in the first recording, with this number of them from each sample to the next or as many as it plans;
-    /// `None` where that is not followed.
-    pub(super) fn step_errors(&self, steps: Option<u32>) -> Option<StepErrors> {
+    /// How far its steps lead it astray in the first recording, with this number of them from each sample to the next or as many as it plans, and how fast
+    /// the device moves there in Hz; `None` where that is not followed.
+    pub(super) fn step_errors(&self, steps: Option<u32>) -> Option<(StepErrors, f64)> {
         let mut document = self.document.clone();
         if let Some(steps) = steps {
             let key = Key::from("estimate").child("filter").index(0).child("steps");
@@ -309,7 +309,8 @@ impl<'a> TrialBench<'a> {
         let estimates =
             self.workbench.rig(&told).ok()?.estimate(&told, *index, recording, &self.stop).ok()?;
         let estimate = estimates.first()?;
-        StepErrors::of(estimate.trajectories.first()?, estimate.start_s + estimate.skip_s)
+        let errors = StepErrors::of(estimate.trajectories.first()?, estimate.start_s + estimate.skip_s)?;
+        Some((errors, estimate.motion.frequency_hz))
     }
 
     /// What it says where it is told this, of recordings with these changes.

@@ -143,7 +143,7 @@ fn of_bench(
     let (mut base, mut suspects) = begin(bench)?;
     let mut notes = Vec::new();
     // Before any number is blamed.
-    let steps = bench.step_errors(None);
+    let steps = bench.step_errors(None).map(|(steps, _)| steps);
     let filters = experiment.estimate.as_ref().map_or(1, |estimate| estimate.filters.len());
     let most_rows = effort.rows(
         bench,

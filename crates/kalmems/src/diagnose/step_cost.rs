@@ -26,8 +26,9 @@ pub fn step_cost(
     } else {
         TrialBench::of(workbench, experiment, None).ok()?.with_files(ROWS, progress).ok()?
     };
-    let planned = bench.step_errors(None)?;
+    let (planned, motion_hz) = bench.step_errors(None)?;
     let one = planned.steps_per_sample.filter(|steps| *steps > 1).and_then(|_| bench.step_errors(Some(1)));
+    let one = one.map(|(one, _)| one);
     let (rows, lasts_s) = bench.extent();
     let rate_hz = match bench.samples(&bench.signal) {
         Some((_, interval_s)) => interval_s.recip(),
@@ -39,8 +40,14 @@ pub fn step_cost(
         Some(steps) => (format!("{steps} steps"), ", or state a larger number of `steps` for the filter"),
         None => ("up to 64 steps, as kinks of the equations need them,".to_owned(), ""),
     };
+    let in_a_cycle = rate_hz / motion_hz;
+    let in_a_cycle = if in_a_cycle.is_finite() {
+        format!(", {in_a_cycle:.1} samples in a cycle of the motion,")
+    } else {
+        String::new()
+    };
     let mut text = format!(
-        "At {} `{}` takes {steps} from each sample to the next; over {rows} samples the error of the steps is {} of the standard deviation that it \
+        "At {}{in_a_cycle} `{}` takes {steps} from each sample to the next; over {rows} samples the error of the steps is {} of the standard deviation that it \
          claims",
         quantity(rate_hz, "Hz"),
         bench.filter_name,

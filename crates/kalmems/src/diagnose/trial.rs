@@ -9,6 +9,7 @@ use crate::progress::Interruption;
 use crate::results::doubts;
 use crate::rigs::Rig;
 use crate::signal::Sine;
+use std::ops::Range;
 
 /// Blocks of a segment, of which every second one is fitted.
 const BLOCKS: f64 = 20.0;
@@ -41,6 +42,15 @@ pub(super) enum AnswerSign {
     Arbitrary,
 }
 
+/// A part of an answer that a hidden turn changes together with other states.
+#[derive(Clone, Debug)]
+pub(super) struct TurnedAnswer {
+    pub(super) trajectory: Trajectory,
+    /// The place of the answer among its states, and the samples after the settling time.
+    pub(super) place: usize,
+    pub(super) scored: Range<usize>,
+}
+
 /// One run of the filter.
 #[derive(Clone, Debug, Default)]
 pub(super) struct DiagnosisTrial {
@@ -59,6 +69,8 @@ pub(super) struct DiagnosisTrial {
     pub(super) sign: AnswerSign,
     /// The period of an answer that comes round, half of it if the signals do not tell its half turns.
     pub(super) period: Option<f64>,
+    /// The trajectories whose part the answer is, if the signals do not tell a turn that changes it.
+    pub(super) turned: Vec<TurnedAnswer>,
     /// The name of the answer among the states, and its unit.
     pub(super) answer_name: &'static str,
     pub(super) answer_unit: &'static str,
@@ -174,7 +186,7 @@ impl DiagnosisTrial {
         &mut self,
         (rig, experiment): (&dyn Rig, &Experiment),
         trajectory: &Trajectory,
-        scored: std::ops::Range<usize>,
+        scored: Range<usize>,
     ) {
         let angle = || rig.angles(experiment).first().map(|[angle, _]| *angle);
         let name = rig.values(experiment).first().map(|value| value.name).or_else(angle);
@@ -185,6 +197,13 @@ impl DiagnosisTrial {
         let is_hidden = place.is_some_and(|place| trajectory.hides_sign(place));
         self.period = place.and_then(|place| trajectory.period(place));
         self.period = self.period.map(|period| if is_hidden { 0.5 * period } else { period });
+        let is_turned = place.filter(|place| trajectory.hides_turn(*place));
+        let whole = is_turned.map(|place| (place, trajectory.clone(), scored.clone()));
+        self.turned.extend(whole.map(|(place, trajectory, scored)| TurnedAnswer {
+            trajectory,
+            place,
+            scored,
+        }));
         let is_signed = is_hidden && self.period.is_none();
         self.sign = if is_signed { AnswerSign::Arbitrary } else { AnswerSign::Known };
         self.answer.extend(state.mean.get(scored.clone()).unwrap_or_default());

@@ -2,7 +2,9 @@
 
 use super::verdict::angles_of;
 use super::{EstimatorMetrics, FilterSelection, Metrics, RecordingMetrics, SegmentMetrics, Verdict};
-use crate::estimate::{LockEvent, NisConsistency, ParameterCorrelation, SkippedStretch, TrajectoryKind};
+use crate::estimate::{
+    LockEvent, NisConsistency, ParameterCorrelation, SignalConsistency, SkippedStretch, TrajectoryKind,
+};
 use crate::evaluate::{
     Claim, DeviceUncertainty, ErrorDecomposition, Grade, MotionErrors, ParameterAnswer, PartErrors,
     StepErrors, TestResult, nis,
@@ -163,6 +165,11 @@ pub fn summary_table(metrics: &Metrics, with_durations: bool) -> TextTable {
                     let duration = with_durations.then(String::new);
                     table.push(name.clone().into_iter().chain(row_of_axis(errors)).chain(duration));
                 }
+                for signal in &estimator.by_signal {
+                    let duration = with_durations.then(String::new);
+                    let own = row_of_signal(signal, compared);
+                    table.push(name.clone().into_iter().chain(own).chain(duration));
+                }
             }
         }
     }
@@ -178,9 +185,9 @@ pub(super) fn summary_grades(metrics: &Metrics) -> Vec<NoticeSeverity> {
             None => NoticeSeverity::Failure,
         };
         let errors = estimator.errors.iter();
-        // The rows of its parts and of its other angles follow.
+        // The rows of its parts, of its other angles and of its signals follow.
         let more = errors.map(|errors| errors.parts.len() + errors.other_angles.len()).sum::<usize>();
-        std::iter::repeat_n(severity, 1 + more)
+        std::iter::repeat_n(severity, 1 + more + estimator.by_signal.len())
     };
     metrics.estimators().flat_map(of).collect()
 }
@@ -299,6 +306,17 @@ fn row_of_axis(errors: &MotionErrors) -> Vec<String> {
     let mut cells = vec![format!("  {}", errors.of)];
     cells.extend(figures(Some(errors)));
     cells.extend([const { String::new() }; 3]);
+    cells
+}
+
+/// One of the signals of the estimator above: its mean NIS, which is part of the one above.
+fn row_of_signal(signal: &SignalConsistency, compared: ComparedQuantity) -> Vec<String> {
+    let SignalConsistency { signal, mean_nis, lower, upper, .. } = signal;
+    let mut cells = vec![format!("  signal {signal}")];
+    if !matches!(compared, ComparedQuantity::Nothing) {
+        cells.extend([const { String::new() }; 4]);
+    }
+    cells.extend([nis(*mean_nis), format!("{lower:.3} … {upper:.3}"), String::new()]);
     cells
 }
 

@@ -4,6 +4,7 @@ use super::supervision::{FilterHealth, LockState};
 use crate::estimate::{
     DISTURBANCE, GateTurn, LockEvent, PassedMark, PredictedPhase, RecordedPassing, StateSeries, Trajectory,
 };
+use crate::evaluate::{StepErrorRecord, StepErrors};
 use crate::signal::hermite;
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -195,6 +196,7 @@ pub struct TrajectoryWatch {
     /// Samples that were rejected since the stretch began, and whether the gate is open.
     rejected: u64,
     gate_is_open: bool,
+    steps: StepErrorRecord,
 }
 
 /// Watches the zeros of an angle.
@@ -235,6 +237,7 @@ impl TrajectoryWatch {
             stopped: false,
             rejected: 0,
             gate_is_open: false,
+            steps: StepErrorRecord::default(),
         }
     }
 
@@ -249,6 +252,11 @@ impl TrajectoryWatch {
     /// How many zero phases were not told since that was last asked.
     pub fn take_withheld(&mut self) -> u64 {
         std::mem::take(&mut self.withheld)
+    }
+
+    /// What the filter's integration steps add to its errors, of all stretches; `None` if the steps are exact, or too few samples are known.
+    pub fn step_errors(&self) -> Option<StepErrors> {
+        self.steps.errors()
     }
 
     /// Whether it follows the motion, as far as its signal tells.
@@ -271,6 +279,7 @@ impl TrajectoryWatch {
             motion_in_noise: self.passages.iter().any(|passages| passages.in_noise),
             rejected: self.rejected,
             gate_is_open: self.gate_is_open,
+            step_error: self.step_errors().map(|steps| steps.at_the_end),
             failing: Vec::new(),
         }
     }
@@ -278,6 +287,7 @@ impl TrajectoryWatch {
     /// What happened in the next samples of a trajectory, in the order of time; from `from_s` on, when it has settled.
     pub fn look(&mut self, trajectory: &Trajectory, angles: &[[&'static str; 2]], from_s: f64) -> Vec<Event> {
         self.lost = trajectory.lock.lost;
+        self.steps.take(trajectory, from_s);
         let of_lock = trajectory.lock.events.iter().copied();
         let mut events: Vec<Event> = of_lock.map(Event::from).collect();
         self.passages.resize(angles.len(), Passages::default());

@@ -20,6 +20,7 @@ use crate::recording::{self, Finding, ReadError, Stretch, Stretches};
 use crate::results::StreamTracks;
 use crate::rigs::Estimator;
 use std::cell::Cell;
+use std::collections::BTreeMap;
 use std::io;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -152,6 +153,7 @@ impl<'a> LiveEstimate<'a> {
             broken: None,
             interrupted: false,
             waits_for: 0,
+            step_errors: BTreeMap::new(),
             sustained_hz: None,
             rate_hz: settings.rate_hz,
             latency: LatencyHistogram::default(),
@@ -264,7 +266,10 @@ impl<'a> LiveEstimate<'a> {
         self.writer.flush()?;
         let stretches = self.judge.finish()?;
         let ends_with_estimate = self.is_estimated && self.watches.iter().any(|(_, watch)| watch.holds());
+        let step_errors =
+            self.watches.iter().filter_map(|(key, watch)| Some((key.clone(), watch.step_errors()?)));
         Ok(StreamSummary {
+            step_errors: step_errors.collect(),
             answer: self.last.iter().map(LastEstimate::sentence).collect(),
             ends_with_estimate,
             received: self.shared.counts(),

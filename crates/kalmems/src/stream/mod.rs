@@ -37,6 +37,7 @@ use crate::config::{
     ConfigError, ConfigFault, Experiment, FilterTable, Key, Method, StreamTable, TriggerChannel,
 };
 use crate::estimate::{EstimateError, PhasePredictionCounts, StretchSummary};
+use crate::evaluate::StepErrors;
 use crate::recording::{self, Finding, ReadError, Stretches, TimeOrigin, TimeSource};
 use crate::results::StreamTracks;
 use crate::rigs::Workbench;
@@ -48,6 +49,7 @@ use recent::RecentSamples;
 use serde::Serialize;
 use shared::Shared;
 use state::{StateWriter, StreamState};
+use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 use std::time::Duration;
@@ -161,6 +163,9 @@ pub struct StreamSummary {
     pub interrupted: bool,
     /// How many later samples each estimate waits for; that time is in the latency.
     pub waits_for: usize,
+    /// What the integration steps of each filter add to its errors, by its key; without filters whose steps are exact.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub step_errors: BTreeMap<String, StepErrors>,
     /// How many samples could be estimated and written in a second.
     #[serde(skip)]
     pub sustained_hz: Option<f64>,

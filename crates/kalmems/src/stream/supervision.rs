@@ -160,6 +160,9 @@ pub struct FilterHealth {
     pub rejected: u64,
     /// Whether it takes all samples, as too many were rejected.
     pub gate_is_open: bool,
+    /// The error of its integration steps over the last 4096 samples, in claimed standard deviations; absent if they are exact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_error: Option<f64>,
     /// The tests of its innovations that fail, over the last 10⁶ of them at most.
     pub failing: Vec<InnovationTest>,
 }

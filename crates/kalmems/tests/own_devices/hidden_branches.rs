@@ -181,3 +181,55 @@ fn a_turn_that_the_signal_hides_is_taken_off_before_errors_are_judged() {
     assert!(wrong.recordings[0].segments[0].arbitrary.turns.is_empty());
     assert!(wrong.estimators().all(|filter| filter.grade >= Some(Grade::Doubtful)));
 }
+
+/// The only filter passes, and its errors of these states and quantities are no larger than one in 10⁴ runs has them.
+fn assert_plausible(metrics: &Metrics, names: &[&str]) {
+    let filter = metrics.estimators().next().unwrap();
+    assert!(matches!(filter.grade, Some(Grade::Passes | Grade::PassesWithRemarks)), "{}", said(metrics));
+    for name in names {
+        let claim = filter.values[name].claim.unwrap();
+        println!(
+            "{name}: {:.3} of {:.1} errors, p {:.1e}",
+            claim.mean_square, claim.independent, claim.p_value
+        );
+        assert!(claim.p_value > 1e-4, "{name}: {:.3}", claim.mean_square);
+    }
+}
+
+#[test]
+fn a_filter_starts_from_a_signal_that_hides_a_turn() {
+    // What no turn changes is claimed whatever the turn is.
+    let quantities =
+        "quantities = { square = \"x^2 + y^2 in um^2\", moment = \"x*v - y*u in um^2/s\" }\nmeasure";
+    let device = PLANE.split("start_sd = {").next().unwrap().replace("measure", quantities);
+    let stated = "start = { x = \"0.8 um\", y = \"0.2 um\", u = \"-1000 um/s\", v = \"2500 um/s\" }";
+    assert!(device.contains(stated));
+    let other = "start = { x = \"-0.3 um\", y = \"0.7 um\", u = \"3000 um/s\", v = \"2500 um/s\" }";
+    for (start, seed) in [(stated, 3), (stated, 4), (other, 5), (other, 6)] {
+        let text = device.replace(stated, start).replace("seed = 3", &format!("seed = {seed}"));
+        let found = estimated(&(text + "start = \"from_signal\"\n"));
+        assert_plausible(&found, &["square", "moment"]);
+        assert_eq!(found.recordings[0].segments[0].arbitrary.turns, [["x", "y", "u", "v"]]);
+        let filter = found.estimators().next().unwrap();
+        // After the turn, to 0.2 % of the motion.
+        for (state, size) in [("x", 1e-6), ("y", 1e-6), ("u", 6e-3), ("v", 6e-3)] {
+            assert!(filter.values[state].rmse < 2e-3 * size, "{state}: {:e}", filter.values[state].rmse);
+        }
+    }
+}
+
+#[test]
+fn phases_of_which_the_signal_has_the_difference_start_from_the_signal_as_well() {
+    let text = PHASOR
+        .replace("phi = \"rad\" }", "phi = \"rad\", psi = \"rad\" }")
+        .replace("phi = \"2*pi*f\" }", "phi = \"2*pi*f\", psi = \"2*pi*20[Hz]\" }")
+        .replace("cos(phi)", "cos(phi - psi)")
+        .replace("cyclic = { phi = \"2*pi\" }", "cyclic = { phi = \"2*pi\", psi = \"2*pi\" }")
+        .replace("phi = \"1 rad\" }", "phi = \"1 rad\", psi = \"2 rad\" }");
+    for seed in 3..6 {
+        let text = text.replace("seed = 3", &format!("seed = {seed}"));
+        let found = estimated(&(text + "start = \"from_signal\"\n"));
+        assert_plausible(&found, &["size", "place", "along"]);
+        assert_eq!(found.recordings[0].segments[0].arbitrary.turns, [["phi", "psi"]]);
+    }
+}

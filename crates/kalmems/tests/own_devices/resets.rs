@@ -381,3 +381,49 @@ fn a_gain_for_all_times_is_refused() {
         );
     }
 }
+
+/// The grade of each filter of the text, and the mean square of its errors over its claims.
+fn judged(text: &str, seed: u64) -> Vec<(String, Grade, f64)> {
+    let (experiment, _, all) = recorded(&text.replace("seed = 1", &format!("seed = {seed}")));
+    judged_by(&experiment, &all)
+}
+
+fn judged_by(experiment: &Experiment, all: &ComputedRecording) -> Vec<(String, Grade, f64)> {
+    let outcome = estimate_computed(published(), experiment, all, &Silent).unwrap();
+    let metrics = Metrics::of(&outcome);
+    let trajectories = &outcome.recordings[0].segments[0].estimate.trajectories;
+    let each = metrics.estimators().zip(trajectories);
+    each.map(|(one, trajectory)| (one.key.clone(), one.grade.unwrap(), normalized(trajectory, all))).collect()
+}
+
+#[test]
+fn banks_and_hybrid_filters_follow_resets() {
+    let restitution = "method = \"ekf\"\nstates = { restitution = { start_sd = \"3 %\" } }";
+    for method in ["ekf", "bank", "hybrid_ekf"] {
+        let states = restitution.replace("\"ekf\"", &format!("\"{method}\""));
+        let text = BOUNCER.replace("method = \"ekf\"", &states);
+        for seed in 500..503 {
+            for (key, grade, square) in judged(&text, seed) {
+                println!("{method}, seed {seed}, {key}: {grade:?} {square:.3}");
+                assert!(grade <= Grade::PassesWithRemarks, "{method}, seed {seed}: {grade:?}");
+                assert!((0.6..1.5).contains(&square), "{method}, seed {seed}: {square}");
+            }
+        }
+    }
+}
+
+/// A restitution that is off by its stated standard deviation: considered, the claims are as large as the errors, and held as exact they are not.
+#[test]
+fn an_uncertain_parameter_of_a_reset_is_considered() {
+    for seed in [1, 2] {
+        let (experiment, _, all) = recorded(&BOUNCER.replace("seed = 1", &format!("seed = {seed}")));
+        let toml = experiment.to_toml().unwrap();
+        let [considered, exact] = ["0.65 ± 0.05", "0.65"].map(|value| {
+            let stated =
+                parsed(&toml.replace("restitution = \"0.6\"", &format!("restitution = \"{value}\"")));
+            judged_by(&stated, &all)[0].2
+        });
+        println!("seed {seed}: {considered:.3} considered, {exact:.3} exact");
+        assert!((0.6..1.2).contains(&considered) && exact > 1.3, "{considered} {exact}");
+    }
+}

@@ -4,7 +4,7 @@ use kalmems::config::Experiment;
 use kalmems::estimate::SegmentEstimate;
 use kalmems::progress::Silent;
 use kalmems::recording::SampledRecording;
-use kalmems::results::Metrics;
+use kalmems::results::{Metrics, summary_text};
 use kalmems::rigs::published;
 use kalmems::workflow::estimate;
 use std::f64::consts::TAU;
@@ -161,6 +161,13 @@ fn a_signal_that_contradicts_the_device_is_in_the_mean_nis_and_named() {
     assert!((total.mean_nis - pooled).abs() < 1e-12 * pooled && !total.holds(), "{total:?}");
     let named = estimator.tests.iter().any(|test| test.signal.as_deref() == Some("electrical"));
     assert!(named, "{:?}", estimator.tests);
+    // Each has a row of its own in the table that a run prints and that its report has.
+    let table = summary_text(&metrics, false, 200);
+    for signal in [optical, electrical] {
+        let row = table.lines().find(|line| line.contains(&format!("signal {}", signal.signal)));
+        let figures = [signal.mean_nis, signal.lower, signal.upper].map(|figure| format!("{figure:.3}"));
+        assert!(row.is_some_and(|row| figures.iter().all(|figure| row.contains(figure))), "{table}");
+    }
 }
 
 #[test]

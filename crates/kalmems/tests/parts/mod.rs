@@ -4,6 +4,7 @@
 
 use kalmems::config::Experiment;
 use kalmems::estimate::{LockEvent, RecordedPassing, SegmentPart, Trajectory};
+use kalmems::evaluate::StepErrors;
 use kalmems::progress::Silent;
 use kalmems::recording::SampledRecording;
 use kalmems::rigs::published;
@@ -242,7 +243,8 @@ pub fn same_bits_in_a_stream(
     (bytes, longest): (&[u8], u64),
 ) -> (Vec<serde_json::Value>, StreamSummary) {
     let rig = published().rig(experiment).unwrap();
-    let whole = &rig.estimate(experiment, 0, recording, &Silent).unwrap()[0].trajectories;
+    let estimate = rig.estimate(experiment, 0, recording, &Silent).unwrap().swap_remove(0);
+    let whole = &estimate.trajectories;
     let Streamed { answers, events, origin, ended, .. } =
         streamed(experiment, Pieces::of(bytes.to_vec(), longest), None);
     let summary = ended.unwrap_or_else(|e| panic!("{e}"));
@@ -265,6 +267,8 @@ pub fn same_bits_in_a_stream(
             let words = || format!("{} {k}: {line:?} {:?}", trajectory.key, told().collect::<Vec<_>>());
             assert!(line.iter().zip(told()).all(same), "{}", words());
         }
+        let steps = StepErrors::of(trajectory, estimate.start_s + estimate.skip_s);
+        assert_eq!(summary.step_errors.get(&trajectory.key).copied(), steps, "{}", trajectory.key);
     }
     (events, summary)
 }

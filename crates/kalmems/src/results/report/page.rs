@@ -5,7 +5,7 @@ use super::long_estimate::PICTURED;
 use super::names::prefix;
 use crate::config::{Experiment, ExtremeSign};
 use crate::estimate::TrajectoryKind;
-use crate::evaluate::{InnovationTest, MotionErrors, ValueErrors};
+use crate::evaluate::{InnovationTest, MotionErrors, TestResult, ValueErrors};
 use crate::results::summary::{segment_name, shown, summary_grades, without_repeats};
 use crate::results::tracks::Tracks;
 use crate::results::{
@@ -303,7 +303,11 @@ fn tests(segment: &SegmentMetrics) -> TextTable {
     for test in all {
         let of = |e: &&EstimatorMetrics| {
             let found = e.tests.iter().find(|found| found.test == test);
-            found.map_or_else(|| "–".to_owned(), |found| probability(found.p_value))
+            let of_signal = |found: &TestResult| {
+                let of = found.signal.as_ref().map_or_else(String::new, |of| format!(" of {of}"));
+                probability(found.p_value) + &of
+            };
+            found.map_or_else(|| "–".to_owned(), of_signal)
         };
         table.push(std::iter::once(test.words().to_owned()).chain(tested.iter().map(of)));
     }
