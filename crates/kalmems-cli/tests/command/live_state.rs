@@ -41,7 +41,7 @@ fn followed(child: &mut Child) -> (Arc<Mutex<Vec<String>>>, JoinHandle<()>) {
     (lines, reader)
 }
 
-/// The estimates among some lines: by their times, to the bit, what stands behind.
+/// The estimates among some lines: by their times, to the bit, the rest of the line.
 fn estimates<'a>(lines: impl Iterator<Item = &'a str>) -> BTreeMap<u64, String> {
     let own = lines.filter_map(|line| line.strip_prefix("ekf,"));
     own.map(|line| line.split_once(',').unwrap())
@@ -54,7 +54,7 @@ fn text(bytes: &[u8]) -> String {
 }
 
 /// The estimates of every tenth sample: those of the stream that was killed and of the one that goes on are the same samples as those of one
-/// stream, and a third one is refused as long as the first one lives, and not behind that.
+/// stream, and a third one is refused as long as the first one lives, and not after that.
 #[test]
 fn a_state_belongs_to_one_stream_until_that_is_killed_and_every_tenth_sample_stays_every_tenth() {
     let folder = tempfile::tempdir().unwrap();

@@ -408,7 +408,7 @@ fn open_questions_are_json_for_a_program_that_asks_and_an_answer_closes_one() {
     assert_eq!((code, told["questions"].is_null()), (Some(0), true), "{told}");
 }
 
-/// A name of a file that turns the direction of the letters behind it, where somebody at a terminal is asked for the rate of its samples.
+/// A name of a file that turns the direction of the letters after it, where somebody at a terminal is asked for the rate of its samples.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_question_shows_what_a_name_does_to_a_terminal() {

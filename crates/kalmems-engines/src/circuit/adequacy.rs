@@ -88,9 +88,9 @@ pub enum AdequacyError {
     /// More cycles than are worth following.
     #[error("the drive at {drive_hz:e} Hz is followed over {settle_s} s, which is more than 1e8 steps")]
     TooFast {
-        /// Its frequency.
+        /// Frequency of the drive in Hz.
         drive_hz: f64,
-        /// How long it would be driven.
+        /// Time to simulate in s.
         settle_s: f64,
     },
     /// The filter gave up.

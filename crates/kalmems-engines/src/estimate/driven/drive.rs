@@ -87,7 +87,7 @@ pub const BLOCK: usize = 4096;
 /// drive: no sine and no constant is fitted to it.
 const ABSURD: f64 = 1e6;
 
-/// The median of what is not 0 among the sizes of some samples; `None` where there is nothing.
+/// The median of what is not 0 among the sizes of some samples; `None` if all are 0.
 fn typical_size(volts: &[f64]) -> Option<f64> {
     let mut sizes: Vec<f64> =
         volts.iter().map(|v| v.abs()).filter(|size| size.is_finite() && *size > 0.0).collect();
