@@ -57,9 +57,9 @@ pub enum CircuitKnowledge {
 /// and is pulled less; a large one follows its signal wherever it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Adequacy {
-    /// The motion.
+    /// Amplitude of the motion in degrees.
     pub amplitude_deg: f64,
-    /// Its frequency.
+    /// Frequency of the motion in Hz.
     pub motion_hz: f64,
     /// The circuit for it.
     pub reduced: ReducedCircuit,

@@ -81,7 +81,7 @@ impl PushedStream {
         locked(&self.samples).take();
     }
 
-    /// Stops the work where it is.
+    /// Stops the work after the present samples.
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
         self.close();
