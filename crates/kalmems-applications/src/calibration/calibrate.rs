@@ -1,6 +1,7 @@
 //! From the files to the scale factors.
 
 use super::centre::{Centre, ShakenRecord};
+use super::checks::{CertificateCheck, CheckKind};
 use super::comparison::compared_references;
 use super::cross_check::Trials;
 use super::error::CalibrationError;
@@ -14,7 +15,7 @@ use super::outcome::{
 };
 use super::peaks::{HALF_WINDOW, PeakToPeak};
 use super::positions_record;
-use super::quantities::{CertificateCheck, QuantityUnit, RecordOutcome};
+use super::quantities::{QuantityUnit, RecordOutcome};
 use super::rates_record;
 use super::rest::{AxisAtRest, InertialSensor};
 use super::rest_record::{self, MeasuredRest};
@@ -159,7 +160,10 @@ fn compare_angles(results: &mut [CalibratedGyroscope], positions: &mut RecordOut
                 format!("gyroscope_non_orthogonality_{}", if a < b { [a, b] } else { [b, a] }.concat());
             let Some(by_positions) = positions.estimate(&name) else { continue };
             let [difference, limit] = difference(&angle, by_positions);
-            let place = format!("condition `{}`, reference `{}`", result.condition, result.reference);
+            let place = format!(
+                "condition `{}`, reference `{}`, gyroscopes of {a} and {b}",
+                result.condition, result.reference
+            );
             let found =
                 format!("{:+.3} mrad apart, and both are known to {:.3} mrad", 1e3 * difference, 1e3 * limit);
             if difference.abs() > limit {
@@ -168,11 +172,7 @@ fn compare_angles(results: &mut [CalibratedGyroscope], positions: &mut RecordOut
                      mounting, or state the angle as `uncertainty.alignment`"
                 ));
             }
-            positions.check(
-                format!("{place}: the angle between the gyroscopes of {a} and {b} is that by the positions"),
-                difference.abs() <= limit,
-                found,
-            );
+            positions.check(CheckKind::SquareReference, &place, difference.abs() <= limit, found);
         }
     }
 }
@@ -189,14 +189,9 @@ fn bias_checks(results: &[CalibratedGyroscope], rest: &[AxisAtRest]) -> Vec<Cert
             let apart = format!("{difference:+.1} {shown} apart, and both are known to {limit:.1} {shown}");
             let passes = difference.abs() <= limit;
             let why = "a vibration that is rectified, another temperature or a bias that wanders; neither is the bias of the other state";
-            Some(CertificateCheck {
-                what: format!(
-                    "condition `{}`: the bias of {} under vibration is that at rest",
-                    result.condition, rest.axis
-                ),
-                passes,
-                found: if passes { apart } else { format!("{apart}: {why}") },
-            })
+            let found = if passes { apart } else { format!("{apart}: {why}") };
+            let place = format!("condition `{}`, axis {}", result.condition, rest.axis);
+            Some(CertificateCheck::new(CheckKind::BiasUnderVibration, &place, passes, found))
         });
         each.collect()
     };

@@ -9,6 +9,7 @@ mod calibrate;
 mod centre;
 #[cfg(feature = "report")]
 mod certificate;
+mod checks;
 mod comparison;
 #[cfg(feature = "report")]
 mod compensation_sources;
@@ -61,6 +62,7 @@ pub use calibrate::{calibrate, calibrate_with_parts};
 pub use centre::{Centre, ShakenRecord};
 #[cfg(feature = "report")]
 pub use certificate::{Certificate, certificate_page};
+pub use checks::{CertificateCheck, CheckKind};
 pub use comparison::ReferenceComparison;
 pub use error::CalibrationError;
 pub use file::{
@@ -77,7 +79,7 @@ pub use outcome::{
     ScaleFactorChange, UncertainEstimate, UncertaintyContribution,
 };
 pub use peaks::{HALF_WINDOW, PeakToPeak};
-pub use quantities::{CalibratedQuantity, CertificateCheck, QuantityCovariance, QuantityUnit, RecordOutcome};
+pub use quantities::{CalibratedQuantity, QuantityCovariance, QuantityUnit, RecordOutcome};
 pub use rest::{AxisAtRest, BiasMethod, InertialSensor, NoiseTerm};
 pub use rest_samples::RestSamples;
 #[cfg(feature = "report")]

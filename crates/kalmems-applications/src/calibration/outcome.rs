@@ -1,8 +1,9 @@
 //! What a calibration found.
 
+use super::checks::CertificateCheck;
 use super::comparison::ReferenceComparison;
 use super::peaks::PeakToPeak;
-use super::quantities::{CertificateCheck, RecordOutcome};
+use super::quantities::RecordOutcome;
 use super::rest::AxisAtRest;
 use super::tone::AXES;
 use crate::calibration::file::GyroscopeCalibration;

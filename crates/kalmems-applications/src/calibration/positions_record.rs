@@ -1,6 +1,7 @@
 //! The record of positions of a calibration file: still parts and motions found, both sensors calibrated, and what can be said of the fit.
 
-use super::earth::EARTH_RATE;
+use super::checks::CheckKind;
+use super::earth::{EARTH_RATE, earth_of_unknown_direction};
 use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::positions::{
@@ -217,7 +218,8 @@ fn judge_accelerometers(
         ));
     }
     outcome.check(
-        "positions: the specific force has the magnitude of gravity in each position".to_owned(),
+        CheckKind::Gravity,
+        "positions",
         standing_out.is_empty(),
         format!(
             "residuals of {:.2e} m/s² at {} degrees of freedom; white noise alone would leave {:.2e} m/s²",
@@ -237,7 +239,8 @@ fn of_gyroscopes(outcome: &mut RecordOutcome, found: &GyroscopeFit, freedom_of_a
     let exchanged: Vec<&str> = (0..3).filter(|axis| own(*axis) < OWN_AXIS).map(|axis| AXES[axis]).collect();
     let is_square = exchanged.is_empty();
     outcome.check(
-        "positions: the gyroscopes' axes are those of the accelerometers, with the same signs".to_owned(),
+        CheckKind::AxesOfPositions,
+        "positions",
         is_square,
         if is_square {
             format!("residuals of {:.2e} rad in the direction of gravity", found.fit.residual_deviation())
@@ -295,14 +298,7 @@ fn of_rest_means(outcome: &mut RecordOutcome, each: &[Fit<4>; 3], is_earth_known
             let found = fit.parameter(1 + place);
             let mut inputs = inputs_of(found.deviation);
             if !is_earth_known && axis == along {
-                // The vertical part of the Earth's rotation at an unknown latitude.
-                let part = EARTH_RATE / STANDARD_GRAVITY / 3.0_f64.sqrt();
-                inputs.push(contribution(
-                    "Earth's rotation, latitude not stated",
-                    part,
-                    f64::INFINITY,
-                    Evaluation::B,
-                ));
+                inputs.push(earth_of_unknown_direction(STANDARD_GRAVITY.recip()));
             }
             let name = format!("gyroscope_force_sensitivity_{axis}{along}");
             outcome.push_known(name, sensitivity, found.value, inputs);

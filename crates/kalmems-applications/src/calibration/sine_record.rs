@@ -1,5 +1,6 @@
 //! Records under sines or sweeps with a reference in the same file: amplitude, phase and bandwidth (comparison with a reference transducer, ISO 16063-21).
 
+use super::checks::CheckKind;
 use super::error::CalibrationError;
 use super::file::SineRecord;
 use super::files::InputFiles;
@@ -248,7 +249,7 @@ fn bandwidth(responses: &[Response]) -> Option<(f64, Vec<Input>)> {
 
 fn judge(outcome: &mut RecordOutcome, record: &SineRecord, responses: &[Response]) {
     let Some(first) = responses.first() else { return };
-    let name = |what: &str| format!("sines `{}`: {what}", record.name);
+    let place = format!("sines `{}`", record.name);
     let follows = first.ratio.re > 0.5 * first.ratio.portable_norm()
         && (0.5..2.0).contains(&first.ratio.portable_norm());
     let found = format!(
@@ -257,7 +258,7 @@ fn judge(outcome: &mut RecordOutcome, record: &SineRecord, responses: &[Response
         first.ratio.portable_arg().to_degrees(),
         first.frequency_hz
     );
-    outcome.check(name("the sensor follows the reference at the lowest frequency"), follows, found.clone());
+    outcome.check(CheckKind::FollowedReference, &place, follows, found.clone());
     if !follows {
         outcome.warnings.push(format!(
             "sines `{}`: the sensor shows {found}: its sign is turned, another axis lies along that of the reference, or its unit is wrong; correct `axis`, \
@@ -270,7 +271,8 @@ fn judge(outcome: &mut RecordOutcome, record: &SineRecord, responses: &[Response
     }
     let distortion = responses.iter().map(|response| response.distortion).fold(0.0, f64::max);
     outcome.check(
-        name("the second and third harmonic of the reference are at most 5 % of it"),
+        CheckKind::ReferenceHarmonics,
+        &place,
         distortion <= DISTORTION,
         format!("{:.2} %", 100.0 * distortion),
     );

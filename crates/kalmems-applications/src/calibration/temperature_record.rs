@@ -1,5 +1,6 @@
 //! Bias at rest over a cycle of temperature, and scale factors at several temperatures, as polynomials or splines.
 
+use super::checks::CheckKind;
 use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::inputs::PROBABILITY;
@@ -116,7 +117,7 @@ fn look_for_motion(outcome: &mut RecordOutcome, files: &mut InputFiles, samples:
     } else {
         motions.join(" ")
     };
-    outcome.check("temperature: the unit is still during the cycle", motions.is_empty(), found);
+    outcome.check(CheckKind::StillCycle, "temperature", motions.is_empty(), found);
     outcome.warnings.extend(motions);
 }
 

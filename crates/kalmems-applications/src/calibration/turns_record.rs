@@ -1,6 +1,7 @@
 //! Records in which the unit is turned by a known angle about one axis, and rests between the turns: the scale factor by the integrated rate.
 
-use super::earth::EARTH_RATE;
+use super::checks::CheckKind;
+use super::earth::earth_of_unknown_direction;
 use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::linear_model::{LinearModel, residuals_left, standing_out};
@@ -118,8 +119,7 @@ fn measure_one(
             }
             let longest =
                 turns.each.iter().map(|turn| turn.duration_s / turn.times.abs()).fold(0.0, f64::max);
-            let earth = EARTH_RATE / 3.0_f64.sqrt() * longest / angle;
-            inputs.push(contribution("Earth's rotation", earth, f64::INFINITY, Evaluation::B));
+            inputs.push(earth_of_unknown_direction(longest / angle));
             let name = format!("cross_axis_sensitivity_{name}{}", AXES[turns.main]);
             outcome.push_known(name, QuantityUnit::RATIO, slope.value, inputs);
         }
@@ -200,16 +200,13 @@ impl Turns {
                 samples.time_s(self.each[*place].rows.start)
             ));
         }
-        let name = |what: &str| format!("turns `{}`: {what}", record.name);
-        outcome.check(
-            name("each turn is one by the stated angle or a multiple of it"),
-            far.is_empty(),
-            residuals_left(found, "rad"),
-        );
+        let place = format!("turns `{}`", record.name);
+        outcome.check(CheckKind::StatedTurns, &place, far.is_empty(), residuals_left(found, "rad"));
         let part = |turn: &Turn| turn.angle[self.main].unwrap_or(0.0) / angle;
         let whole = self.each.iter().map(|turn| (part(turn) - turn.times).abs()).fold(0.0, f64::max);
         outcome.check(
-            name("the integrals are near to multiples of the angle"),
+            CheckKind::WholeTurns,
+            &place,
             whole <= WHOLE,
             format!("{whole:.3} of the angle off at most"),
         );
@@ -218,7 +215,8 @@ impl Turns {
         let others: Vec<&str> =
             (0..3).filter(|other| sum(*other) > sum(self.main)).map(|other| AXES[other]).collect();
         outcome.check(
-            name("the unit turns about the stated axis"),
+            CheckKind::AxisOfTurns,
+            &place,
             others.is_empty(),
             if others.is_empty() {
                 format!("about {axis}")

@@ -1,5 +1,6 @@
 //! A cycle of temperature at rest, and rates at several temperatures.
 
+use super::coverage::assert_95_of_100;
 use super::simulated::Noise;
 use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::{
@@ -60,7 +61,9 @@ fn coverage(memory: f64, seeds: std::ops::Range<u64>) -> BTreeMap<String, usize>
     for seed in seeds {
         let found = calibrated(memory, seed);
         for (name, value) in &truth {
-            let [low, high] = found.records[0].estimate(name).unwrap().interval;
+            let estimate = found.records[0].estimate(name).unwrap();
+            let [low, high] = estimate.interval;
+            assert!(low < estimate.value && estimate.value < high, "{name} {estimate:?}");
             *held.get_mut(name).unwrap() += usize::from(low <= *value && *value <= high);
         }
     }
@@ -74,27 +77,31 @@ fn a_cycle_gives_the_bias_over_the_temperature_up_and_down_apart() {
     assert!(held.values().all(|held| *held >= 5), "{held:?}");
 }
 
-/// A shake during the cycle is drawn, named and fails a check; without one the check passes.
-#[test]
-fn a_motion_during_the_cycle_is_found_and_drawn() {
+/// A cycle with a shake of this size in rad/s during 10 s.
+pub fn shaken_cycle(size: f64) -> Calibration {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cycle.csv");
     let file = GyroscopeCalibration::parse(FILE, &folder.path().join("cycle.toml")).unwrap();
-    let checked = |shake: f64| {
-        write(&path, 0.0, 4);
-        let text = fs::read_to_string(&path).unwrap();
-        let mut shaken = String::new();
-        for (row, line) in text.lines().enumerate() {
-            let Some((temperature, rate)) = line.split_once(',').filter(|_| (3001..3200).contains(&row))
-            else {
-                writeln!(shaken, "{line}").unwrap();
-                continue;
-            };
-            let more = shake * (0.4 * row as f64).sin();
-            writeln!(shaken, "{temperature},{:.7}", rate.parse::<f64>().unwrap() + more).unwrap();
-        }
-        fs::write(&path, shaken).unwrap();
-        let found = calibrate(&file, &Silent).unwrap();
+    write(&path, 0.0, 4);
+    let text = fs::read_to_string(&path).unwrap();
+    let mut shaken = String::new();
+    for (row, line) in text.lines().enumerate() {
+        let Some((temperature, rate)) = line.split_once(',').filter(|_| (3001..3200).contains(&row)) else {
+            writeln!(shaken, "{line}").unwrap();
+            continue;
+        };
+        let more = size * (0.4 * row as f64).sin();
+        writeln!(shaken, "{temperature},{:.7}", rate.parse::<f64>().unwrap() + more).unwrap();
+    }
+    fs::write(&path, shaken).unwrap();
+    calibrate(&file, &Silent).unwrap()
+}
+
+/// A shake during the cycle is drawn, named and fails a check; without one the check passes.
+#[test]
+fn a_motion_during_the_cycle_is_found_and_drawn() {
+    let checked = |size: f64| {
+        let found = shaken_cycle(size);
         assert!(calibration_figures(&found).iter().any(|figure| figure.id == "temperature-parts"));
         let checks = &found.records[0].checks;
         let check = checks.iter().find(|check| check.what.contains("still during the cycle")).unwrap();
@@ -111,8 +118,7 @@ fn slow_intervals_over_the_temperature_hold_95_of_100() {
     // Correlated over a hundred samples, the length of a part of the record.
     for memory in [0.0, 0.99] {
         let held = coverage(memory, 1000..1200);
-        println!("{memory}: {held:?} of 200");
-        assert!(held.values().all(|held| *held >= 180), "{memory}: {held:?}");
+        assert_95_of_100(&format!("cycles, correlation {memory}"), held, 200);
     }
 }
 
@@ -169,9 +175,7 @@ fn a_spline_with_stated_knots_holds_what_was_put_in() {
 #[test]
 #[ignore = "200 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
 fn slow_intervals_of_a_spline_hold_95_of_100() {
-    let held = spline_coverage(1000..1200);
-    println!("{held:?} of 200");
-    assert!(held.values().all(|held| (180..=199).contains(held)), "{held:?}");
+    assert_95_of_100("splines", spline_coverage(1000..1200), 200);
 }
 
 /// The curves of one cycle compensate the columns of another one, whose bias is then that of its noise, and 20 times it without them.
@@ -335,8 +339,8 @@ fn slow_intervals_of_rates_over_the_temperature_hold_95_of_100() {
                 }
             }
         }
-        println!("{held:?} of 200");
-        assert!(held.len() == 9 && held.values().all(|held| (180..=199).contains(held)), "{held:?}");
+        assert_eq!(held.len(), 9);
+        assert_95_of_100("rates over the temperature", held, 200);
     }
 }
 

@@ -1,5 +1,6 @@
 //! Turns by a known angle with rests between them.
 
+use super::coverage::assert_95_of_100;
 use super::simulated::Noise;
 use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::{
@@ -82,7 +83,9 @@ fn held(turns: &[f64], seeds: std::ops::Range<u64>) -> BTreeMap<&'static str, us
             let estimate = found.records[0].estimate(name).unwrap_or_else(|| panic!("{name}"));
             let [low, high] = estimate.interval;
             assert!(low < estimate.value && estimate.value < high, "{name} {estimate:?}");
-            *held.get_mut(name).unwrap() += usize::from(low <= *value && *value <= high);
+            // By the record: the Earth, which is in the interval of the other axes, does not turn here.
+            let off = (estimate.value - value).abs();
+            *held.get_mut(name).unwrap() += usize::from(off <= estimate.expanded_by_records);
         }
     }
     held
@@ -101,11 +104,7 @@ fn turns_give_scale_factor_asymmetry_and_cross_axis_sensitivity() {
 #[ignore = "800 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
 fn slow_intervals_by_turns_hold_95_of_100() {
     for turns in [&TO_AND_FRO[..], &TO_ONE_SIDE] {
-        let held = held(turns, 1000..1400);
-        println!("{held:?} of 400");
-        // The Earth's rotation, which is not in the simulation, is in the interval of the other axes.
-        assert!(held.values().all(|held| *held >= 366), "{held:?}");
-        assert!(held["scale_factor_z"] <= 394, "{held:?}");
+        assert_95_of_100("turns", held(turns, 1000..1400), 400);
     }
 }
 
@@ -123,18 +122,29 @@ fn the_angle_and_the_alignment_are_in_the_budget_and_asked_for() {
     assert!(with.records[0].not_observed.join("\n").contains("the sign of the scale factor"));
 }
 
+/// Turns to and fro, of which the fourth one is this part of the angle.
+pub fn ending_at(part: f64) -> Calibration {
+    let mut turns = TO_AND_FRO;
+    turns[3] = part;
+    calibrated(&turns, 3, FILE).unwrap()
+}
+
+/// Turns to and fro, each this part of the stated angle.
+pub fn all_of(part: f64) -> Calibration {
+    calibrated(&TO_AND_FRO.map(|turn| part * turn.signum()), 3, FILE).unwrap()
+}
+
+/// Many turns about z, whose record states this axis and an angle of which each is a multiple.
+pub fn of_two_degrees(axis: &str) -> Calibration {
+    let text = FILE.replace("axis = \"z\"", &format!("axis = \"{axis}\"")).replace("360 deg", "2 deg");
+    calibrated(&[1.0, -1.0, 40.0, -40.0, 60.0, -60.0], 3, &text).unwrap()
+}
+
 #[test]
 fn a_turn_that_ends_elsewhere_another_axis_and_too_few_turns_are_named() {
-    let mut turns = TO_AND_FRO;
-    turns[3] = -0.98;
-    let found = calibrated(&turns, 3, FILE).unwrap();
+    let found = ending_at(-0.98);
     assert!(found.records[0].warnings.join("\n").contains("turn 4 at"), "{:?}", found.records[0].warnings);
-    let other = calibrated(
-        &[1.0, -1.0, 40.0, -40.0, 60.0, -60.0],
-        3,
-        &FILE.replace("axis = \"z\"", "axis = \"x\"").replace("360 deg", "2 deg"),
-    );
-    let other = other.unwrap();
+    let other = of_two_degrees("x");
     let failed: Vec<String> = Certificate::of(&other)
         .validity
         .into_iter()
