@@ -137,11 +137,11 @@ fn together(records: &[Response]) -> Response {
 
 const METHOD: &str = "Sines: at each frequency one sine of common frequency is fitted to the reference and to the sensor, which are sampled together, and \
     their quotient gives amplitude and phase (ISO 16063-21). Of several records at one frequency the scatter is the type A evaluation. The bandwidth is the \
-    frequency at which the amplitude falls to 0.707 of that at the lowest frequency, between neighbours on logarithmic scales.";
+    frequency at which the amplitude falls to 0.707 of that at the lowest frequency, on logarithmic scales by a polynomial through its neighbours.";
 
 const OF_SWEEP: &str = "Sweep: the transforms of the reference and of the sensor over each record, which begins and ends at rest, are divided in bands of a sixth of an \
     octave; in each the quotient is a parabola over the frequency, and what it leaves is the noise. Of several records the scatter is the type A evaluation. \
-    The bandwidth is the frequency at which the amplitude falls to 0.707 of that in the lowest band, between neighbours on logarithmic scales.";
+    The bandwidth is the frequency at which the amplitude falls to 0.707 of that in the lowest band, on logarithmic scales by a polynomial through its neighbours.";
 
 fn outcome(record: &SineRecord, samples: &UnitSamples, responses: &[Response]) -> RecordOutcome {
     let mut outcome = RecordOutcome::new(
@@ -212,7 +212,8 @@ fn amplitude_inputs(record: &SineRecord, response: &Response, amplitude: f64) ->
     inputs
 }
 
-/// Where the amplitude first falls to 1/√2 of the first one. A parabola through a third point says how far the straight line may be off.
+/// Where the amplitude first falls to 1/√2 of the first one: by the polynomial of the logarithm of the frequency through both neighbours and, where the
+/// amplitude falls there as well, one frequency more. What the one after that changes says how far it may be off.
 fn bandwidth(responses: &[Response]) -> Option<(f64, Vec<Input>)> {
     let first = responses.first()?;
     let level = FRAC_1_SQRT_2 * first.ratio.portable_norm();
@@ -225,15 +226,17 @@ fn bandwidth(responses: &[Response]) -> Option<(f64, Vec<Input>)> {
     };
     let ([high, from], [low, to]) = (log(before), log(after));
     let slope = (to - from) / (low - high);
-    let found = from - high * slope;
-    let value = found.portable_exp();
-    // Of the inverse parabola through one more point by the amplitudes.
-    let third = if before > 0 { before - 1 } else { after + 1 };
-    let curvature = (third < responses.len()).then(|| {
-        let [size, place] = log(third);
-        let further = ((place - to) / (size - low) - slope) / (size - high);
-        (further * high * low).abs()
-    });
+    let outer = [before.checked_sub(1), Some(after + 1).filter(|place| *place < responses.len())];
+    let is_falling =
+        |place: &usize| if *place < before { log(*place)[0] > high } else { log(*place)[0] < low };
+    let mut nodes = vec![[high, from], [low, to]];
+    let mut found = vec![from - high * slope];
+    for place in outer.into_iter().flatten().filter(is_falling) {
+        nodes.push(log(place));
+        found.push(at_zero(&nodes));
+    }
+    let used = found.len().saturating_sub(2);
+    let value = found[used].portable_exp();
     let share = -high / (low - high);
     let moved = |place: usize, part: f64| part * slope * responses[place].deviations[0] * value;
     let fewest =
@@ -242,9 +245,22 @@ fn bandwidth(responses: &[Response]) -> Option<(f64, Vec<Input>)> {
         .into_iter()
         .fold(0.0, f64::portable_hypot);
     let mut inputs = vec![contribution("amplitudes", size, fewest, Evaluation::A)];
-    let off = curvature.unwrap_or(0.5 * (to - from)) * value / 3.0_f64.sqrt();
+    let off = found.get(used + 1).map_or(0.5 * (to - from), |next| next - found[used]);
+    let off = off.abs() * value / 3.0_f64.sqrt();
     inputs.push(contribution("curvature between the frequencies", off, f64::INFINITY, Evaluation::B));
     value.is_finite().then_some((value, inputs))
+}
+
+/// The polynomial through these points at 0 (Neville).
+fn at_zero(points: &[[f64; 2]]) -> f64 {
+    let mut values: Vec<f64> = points.iter().map(|[_, y]| *y).collect();
+    for span in 1..points.len() {
+        for k in 0..points.len() - span {
+            let ([left, _], [right, _]) = (points[k], points[k + span]);
+            values[k] = (right * values[k] - left * values[k + 1]) / (right - left);
+        }
+    }
+    values[0]
 }
 
 fn judge(outcome: &mut RecordOutcome, record: &SineRecord, responses: &[Response]) {

@@ -440,10 +440,8 @@ pub fn oblique() -> Vec<Shaken> {
 pub const SHAKEN: Shaken = Shaken { rates: [0.0, 1.0, 0.0], frequency: 50.0, gain: 1.0, harmonic: 0.0 };
 
 /// A unit whose axes are as they are named.
-pub fn upright(uncertainty: &str, more: &str) -> Calibration {
-    let folder = tempfile::tempdir().unwrap();
-    write_shaken(folder.path(), UPRIGHT, &oblique(), 36);
-    shaken_by(folder.path(), &table("table", 1.0, uncertainty), more)
+pub fn upright() -> Calibration {
+    shaken(UPRIGHT, &oblique(), "", 36)
 }
 
 pub fn with_turned_axis() -> Calibration {

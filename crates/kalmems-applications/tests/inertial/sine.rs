@@ -37,7 +37,7 @@ struct Shaken {
 
 const SHAKEN: Shaken =
     Shaken { scale: 1.013, resonance_hz: 480.0, damping: 0.7, scatter: 1e-3, distortion: 0.0, limit: 1e9 };
-const FREQUENCIES: [f64; 8] = [20.0, 40.0, 80.0, 160.0, 320.0, 430.0, 560.0, 720.0];
+const FREQUENCIES: [f64; 10] = [20.0, 40.0, 80.0, 160.0, 320.0, 430.0, 460.0, 490.0, 520.0, 720.0];
 /// Records at each frequency.
 const REPEATED: usize = 4;
 
@@ -214,8 +214,8 @@ fn write_sweeps(path: &std::path::Path, seed: u64, records: usize) {
     fs::write(path, text).unwrap();
 }
 
-/// How often each amplitude and phase of the bands, and the bandwidth, are in their intervals.
-fn sweeps_held(seeds: std::ops::Range<u64>, records: usize) -> BTreeMap<String, usize> {
+/// How often each amplitude and phase of the bands, and the bandwidth, are in their intervals, and in how many records they are found.
+fn sweeps_held(seeds: std::ops::Range<u64>, records: usize) -> BTreeMap<String, [usize; 2]> {
     let folder = tempfile::tempdir().unwrap();
     let text = format!("{FILE}sweep = true\n{STATED}");
     let file = GyroscopeCalibration::parse(&text, &folder.path().join("shaker.toml")).unwrap();
@@ -227,10 +227,14 @@ fn sweeps_held(seeds: std::ops::Range<u64>, records: usize) -> BTreeMap<String, 
             let own = quantity.estimate;
             let [low, high] = own.interval;
             assert!(low < own.value && own.value < high, "{quantity:?}");
-            let is_held = match quantity.name.split_once("_x_at_") {
-                None => low <= SHAKEN.bandwidth() && SHAKEN.bandwidth() <= high,
+            let (name, is_held) = match quantity.name.split_once("_x_at_") {
+                None => {
+                    let truth = SHAKEN.bandwidth();
+                    (quantity.name.clone(), low <= truth && truth <= high)
+                }
                 Some((what, frequency)) => {
-                    let (gain, lag) = SHAKEN.response(frequency.trim_end_matches("_hz").parse().unwrap());
+                    let frequency: f64 = frequency.trim_end_matches("_hz").parse().unwrap();
+                    let (gain, lag) = SHAKEN.response(frequency);
                     let truth = match what {
                         "accelerometer_scale_factor" => gain,
                         "accelerometer_phase" => lag,
@@ -238,10 +242,13 @@ fn sweeps_held(seeds: std::ops::Range<u64>, records: usize) -> BTreeMap<String, 
                         _ => continue,
                     };
                     // The frequency in the name is rounded to 0.01 Hz.
-                    (own.value - truth).abs() <= own.expanded_by_records + 5e-6 * truth.abs()
+                    let half = own.expanded_by_records + 5e-6 * truth.abs();
+                    (format!("{what}_at_{frequency:.1}_hz"), (own.value - truth).abs() <= half)
                 }
             };
-            *held.entry(quantity.name.clone()).or_default() += usize::from(is_held);
+            let [held, of] = held.entry(name).or_default();
+            *held += usize::from(is_held);
+            *of += 1;
         }
     }
     assert!(held.len() > 50 && held.contains_key("accelerometer_bandwidth_x"), "{held:?}");
@@ -252,16 +259,22 @@ fn sweeps_held(seeds: std::ops::Range<u64>, records: usize) -> BTreeMap<String, 
 fn a_sweep_gives_the_response_in_bands() {
     for records in [1, 3] {
         let held = sweeps_held(5..6, records);
-        assert_eq!(held["accelerometer_bandwidth_x"], 1);
+        assert_eq!(held["accelerometer_bandwidth_x"], [1, 1]);
         // Neighbouring bands share nothing: 19 of 20 are expected.
-        assert!(held.values().sum::<usize>() as f64 > 0.87 * held.len() as f64, "{held:?}");
+        let all: usize = held.values().map(|[held, _]| held).sum();
+        assert!(all as f64 > 0.87 * held.len() as f64, "{held:?}");
     }
 }
 
 #[test]
-#[ignore = "200 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
+#[ignore = "400 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
 fn slow_intervals_by_sweeps_hold_95_of_100() {
-    assert_95_of_100("sweeps", sweeps_held(100..300, 1), 200);
+    let held = sweeps_held(100..500, 1);
+    // The band below the beginning of the sweep is found in some records only.
+    let (always, sometimes): (Vec<_>, Vec<_>) = held.into_iter().partition(|(_, [_, of])| *of == 400);
+    println!("sweeps, in some records only: {sometimes:?}");
+    assert!(always.len() > 90 && sometimes.len() <= 4, "{sometimes:?}");
+    assert_95_of_100("sweeps", always.into_iter().map(|(name, [held, _])| (name, held)), 400);
 }
 
 #[test]
