@@ -323,6 +323,9 @@ pub struct RestRecord {
     /// forbids a certificate.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub subtract_lines: bool,
+    /// Writes the noise densities as `imu.yaml` under the names of Kalibr and of drivers of ROS.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub noise_yaml: bool,
 }
 
 /// A record in which the unit rests in many positions one after the other, turned by hand between them. The columns are those of the unit.

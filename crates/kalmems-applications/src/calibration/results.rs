@@ -858,7 +858,7 @@ fn of_density(rests: &[&AxisAtRest], sensor: InertialSensor) -> Figure {
 }
 
 /// Writes a calibration into a result: `calibration.json`, `calibration.csv` (a line for each entry of K and each bias),
-/// `records.csv`, `allan.csv` and `imu.yaml` where there is a record at rest, `temperature.json`, `temperature.h` and `temperature.rs` where there are curves over the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
+/// `records.csv`, `allan.csv` where there is a record at rest, `imu.yaml` where it is asked for, `temperature.json`, `temperature.h` and `temperature.rs` where there are curves over the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
 /// `figures/`, `run.toml`.
 pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) -> Result<(), WriteError> {
     let input_id = input_id(found);
@@ -877,7 +877,9 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
             output.write(&format!("{}.csv", allan_id(sensor)), |w| allan(&rests, sensor, w))?;
         }
     }
-    if let Some(yaml) = noise_yaml(&found.rest, found.file.gyroscope.rate.si()) {
+    let wants_yaml = found.file.rest.as_ref().is_some_and(|rest| rest.noise_yaml);
+    let yaml = noise_yaml(&found.rest, found.file.gyroscope.rate.si());
+    if let Some(yaml) = yaml.filter(|_| wants_yaml) {
         output.write("imu.yaml", |w| w.write_all(yaml.as_bytes()))?;
     }
     let compensation: Vec<&TemperatureCurve> =
