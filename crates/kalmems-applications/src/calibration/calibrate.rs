@@ -13,6 +13,8 @@ use super::outcome::{
     CalibratedGyroscope, Calibration, Centred, InPlane, RecordFigures, ScaleFactorAtFrequency,
     ScaleFactorChange, UncertainEstimate,
 };
+use super::over_temperature;
+use super::parts_of_vibration::parts_of_condition;
 use super::peaks::{HALF_WINDOW, PeakToPeak};
 use super::positions_record;
 use super::quantities::{QuantityUnit, RecordOutcome};
@@ -53,9 +55,12 @@ pub fn calibrate_with_parts(
 ) -> Result<Calibration, CalibrationError> {
     let named = NamedFiles::new("calibration file", Purpose::Calibration, progress);
     let mut files = InputFiles { file, named, origins: BTreeMap::new(), parts };
-    let mut results = Vec::new();
+    let (mut results, mut condition_parts) = (Vec::new(), Vec::new());
     for (index, condition) in file.conditions.iter().enumerate() {
         let records = files.unit(index, condition)?;
+        let shown = parts_of_condition(condition.name.as_str(), &records);
+        files.parts.push(shown.clone());
+        condition_parts.push(shown);
         let full_scale = file.gyroscope.full_scale.as_ref().map(crate::config::Quantity::si);
         let tones: Vec<VibrationTone> = records
             .iter()
@@ -81,12 +86,13 @@ pub fn calibrate_with_parts(
         }
     }
     let MeasuredRest { axes: rest, motions, remarks, parts: rest_parts } = rest_record::measure(&mut files)?;
-    let mut records: Vec<RecordOutcome> = positions_record::measure(&mut files)?.into_iter().collect();
-    for positions in &mut records {
+    let mut records = positions_record::measure(&mut files)?;
+    if let Some(positions) = records.first_mut() {
         compare_angles(&mut results, positions);
     }
+    records.extend(over_temperature::of_positions(file, &records)?);
     let rates = rates_record::measure(&mut files)?;
-    let over_temperature = temperature_record::of_rates(file, &rates)?;
+    let over_temperature = over_temperature::of_rates(file, &rates)?;
     records.extend(rates);
     records.extend(over_temperature);
     records.extend(turns_record::measure(&mut files)?);
@@ -127,6 +133,7 @@ pub fn calibrate_with_parts(
         bias_checks,
         rest_motions: motions,
         rest_parts,
+        condition_parts,
         records,
         sources,
         findings,

@@ -31,6 +31,8 @@ mod octave_covariance;
 mod off_axis;
 mod one_factor;
 mod outcome;
+mod over_temperature;
+mod parts_of_vibration;
 mod passed_flicker;
 mod peaks;
 mod positions;
@@ -68,7 +70,7 @@ pub use error::CalibrationError;
 pub use file::{
     CertificateDetails, Condition, CurveChoice, GyroscopeCalibration, InertialUnit, MonteCarlo,
     MotionReference, Mounting, PositionsRecord, RatesRecord, RestRecord, SineRecord, StatedUncertainty,
-    TableAxis, TemperatureRecord, TurnsRecord,
+    TableAxis, TemperatureDirection, TemperatureRecord, TurnsRecord,
 };
 pub use matrix::{CalibrationMatrix, LeaveOneOut, RatePair, Repeatability};
 pub use noise_fit::{NoFit, NoiseFit};

@@ -38,14 +38,32 @@ struct FoundPositions {
     noise: f64,
 }
 
-/// The outcome of the record of positions, if the file names one.
-pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, CalibrationError> {
+/// The outcomes of the records of positions in the order of the file.
+pub(super) fn measure(files: &mut InputFiles) -> Result<Vec<RecordOutcome>, CalibrationError> {
     let file = files.file;
-    let Some(record) = &file.positions else { return Ok(None) };
-    let samples = record.of_unit(&file.gyroscope).read(files, Key::from("positions").child("file"))?;
+    file.all_positions().enumerate().map(|(number, record)| measure_one(files, record, number)).collect()
+}
+
+/// What ends the identifier and the title of each record but the first.
+fn ending(number: usize) -> String {
+    if number == 0 { String::new() } else { format!("-{}", number + 1) }
+}
+
+fn measure_one(
+    files: &mut InputFiles,
+    record: &PositionsRecord,
+    number: usize,
+) -> Result<RecordOutcome, CalibrationError> {
+    let file = files.file;
+    let key = match number.checked_sub(1) {
+        None => Key::from("positions"),
+        Some(index) => Key::from("further_positions").index(index),
+    };
+    let samples = record.of_unit(&file.gyroscope).read(files, key.child("file"))?;
     let shortest_s = record.shortest.as_ref().map_or(SHORTEST_S, Quantity::si);
     let found = FoundPositions::of(&samples, shortest_s);
-    let parts = parts(&samples, &found, record.gravity.si());
+    let mut parts = parts(&samples, &found, record.gravity.si());
+    parts.id += &ending(number);
     files.parts.push(parts.clone());
     if found.positions.len() < FEWEST_POSITIONS {
         return Err(CalibrationError::Positions {
@@ -64,7 +82,8 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
     } else {
         None
     };
-    let mut outcome = RecordOutcome::new("positions", "Positions", method(has_gyroscopes));
+    let title = format!("Positions{}", ending(number).replace('-', " "));
+    let mut outcome = RecordOutcome::new("positions", title, method(has_gyroscopes));
     outcome.tables.push(positions_table(&samples, &found, &accelerometers, gravity));
     outcome.figures.push(figure(parts, &samples, &found, &accelerometers, gravity));
     outcome.warnings.clone_from(&samples.remarks);
@@ -98,7 +117,7 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
          accelerometer's axis and the plane of the first two"
             .to_owned(),
     );
-    Ok(Some(outcome))
+    Ok(outcome)
 }
 
 impl FoundPositions {

@@ -20,6 +20,8 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 const SAME: f64 = 5e-3;
 /// The largest distortion of the reference (ISO 16063-21).
 const DISTORTION: f64 = 0.05;
+/// The shortest still part that is drawn, in s.
+const SHORTEST_S: f64 = 1.0;
 /// Parameters of a sine with two harmonics.
 const PARAMETERS: usize = 8;
 
@@ -38,17 +40,23 @@ struct Response {
 /// The outcome of each record under sines.
 pub(super) fn measure(files: &mut InputFiles) -> Result<Vec<RecordOutcome>, CalibrationError> {
     let file = files.file;
-    files.each("sine", &file.sines, SineRecord::of_unit, |record, samples, _| {
+    files.each("sine", &file.sines, SineRecord::of_unit, |record, samples, shown| {
+        shown.push(parts(record, samples));
         Ok(outcome(record, samples, &responses(record, samples)?))
     })
 }
 
-fn responses(record: &SineRecord, samples: &UnitSamples) -> Result<Vec<Response>, CalibrationError> {
+/// What the sensor shows.
+fn sensor<'a>(record: &SineRecord, samples: &'a UnitSamples) -> Option<&'a [f64]> {
     let axis = record.axis.index();
-    let shown = match record.sensor {
+    match record.sensor {
         InertialSensor::Gyroscope => samples.rates()[axis],
         InertialSensor::Accelerometer => samples.forces()[axis],
-    };
+    }
+}
+
+fn responses(record: &SineRecord, samples: &UnitSamples) -> Result<Vec<Response>, CalibrationError> {
+    let shown = sensor(record, samples);
     let mut found = Vec::new();
     for segment in samples.recording.segments() {
         let of = |values: &[f64]| Some(values.get(segment.rows.clone())?.to_vec());
@@ -192,7 +200,7 @@ fn outcome(record: &SineRecord, samples: &UnitSamples, responses: &[Response]) -
     }
     judge(&mut outcome, record, responses);
     outcome.tables.push(table(record, responses));
-    outcome.figures.push(figure(record, responses));
+    outcome.figures.push(figure(record, samples, responses));
     outcome
 }
 
@@ -317,7 +325,33 @@ fn table(record: &SineRecord, responses: &[Response]) -> TextTable {
     table
 }
 
-fn figure(record: &SineRecord, responses: &[Response]) -> Figure {
+/// Reference and sensor with the parts in which both are still.
+fn parts(record: &SineRecord, samples: &UnitSamples) -> Figure {
+    let (what, factor) = match record.sensor {
+        InertialSensor::Gyroscope => (Axis::new("rate", "deg/s"), 1.0_f64.to_degrees()),
+        InertialSensor::Accelerometer => (Axis::new("acceleration", "m/s^2"), 1.0),
+    };
+    let columns = [("reference", Some(samples.further())), ("sensor", sensor(record, samples))];
+    let there = || columns.iter().filter_map(|(name, values)| Some((*name, (*values)?)));
+    let channels: Vec<(&[f64], bool)> = there().map(|(_, values)| (values, false)).collect();
+    let still = samples.still_parts(SHORTEST_S, &channels).concat();
+    let above = samples.panel_of_parts(
+        what,
+        there().map(|(name, values)| (name, values.iter().map(|value| factor * value).collect())),
+        "taken as still",
+        still.into_iter().map(|rows| (rows, 0.0)),
+    );
+    Figure::new(
+        format!("sine-{}", record.name),
+        format!("Sines: {}", record.name),
+        "The reference and the sensor with the parts in which both are still, the amplitude of the sensor by that of the reference, and the phase between \
+         them.",
+    )
+    .with(above)
+}
+
+/// The parts above the response.
+fn figure(record: &SineRecord, samples: &UnitSamples, responses: &[Response]) -> Figure {
     let panel = |name: &str, unit: &'static str, of: &dyn Fn(&Response) -> f64| {
         let points: Vec<(f64, f64)> =
             responses.iter().map(|response| (response.frequency_hz, of(response))).collect();
@@ -327,11 +361,7 @@ fn figure(record: &SineRecord, responses: &[Response]) -> Figure {
             points,
         ))
     };
-    Figure::new(
-        format!("sine-{}", record.name),
-        format!("Sines: {}", record.name),
-        "The amplitude of the sensor by that of the reference, and the phase between them.",
-    )
-    .with(panel("amplitude", "", &|response| response.ratio.portable_norm()))
-    .with(panel("phase", "deg", &|response| response.ratio.portable_arg().to_degrees()))
+    parts(record, samples)
+        .with(panel("amplitude", "", &|response| response.ratio.portable_norm()))
+        .with(panel("phase", "deg", &|response| response.ratio.portable_arg().to_degrees()))
 }

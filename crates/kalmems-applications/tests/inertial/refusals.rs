@@ -206,6 +206,43 @@ fn the_still_and_the_moving_parts_of_a_record_at_rest_are_drawn() {
     assert!(spans(SeriesRole::Bound).is_empty());
 }
 
+/// The records of a condition and of sines are drawn with their still parts, also if they are refused.
+#[test]
+fn records_under_vibration_are_drawn_with_their_still_parts() {
+    let found = upright();
+    let figures = calibration_figures(&found);
+    let drawn = figures.iter().find(|figure| figure.id == "parts-room").unwrap();
+    // Twelve records of three axes, none of them still.
+    assert_eq!(drawn.panels[0].series.len(), 36);
+    let folder = tempfile::tempdir().unwrap();
+    let mut noise = Noise::new(38);
+    let (mut shown, mut reference) = ("record,x\n".to_owned(), "record,rx\n".to_owned());
+    for k in 0..6000 {
+        // At rest for three seconds before the sine.
+        let rate = if k < 3000 { 0.0 } else { (TAU * 50.0 * f64::from(k) / 1000.0).sin() };
+        writeln!(shown, "a,{:.7}", rate + 1e-3 * noise.normal()).unwrap();
+        writeln!(reference, "a,{:.7}", rate + 1e-3 * noise.normal()).unwrap();
+    }
+    fs::write(folder.path().join("g.csv"), shown).unwrap();
+    fs::write(folder.path().join("r.csv"), reference).unwrap();
+    let text = "name = \"c\"\n[sensor]\nrate = \"1 kHz\"\nclock_tolerance = \"1 %\"\nchannels = { x = { column = \"x\", unit = \"rad/s\" } }\n\
+        [[condition]]\nname = \"room\"\nfile = \"g.csv\"\nsegments = { column = \"record\" }\n\
+        [[condition.reference]]\nname = \"table\"\nfile = \"r.csv\"\nsegments = { column = \"other\" }\n\
+        clock = { rate = \"1 kHz\" }\nchannels = { x = { column = \"rx\", unit = \"rad/s\" } }\n";
+    let file = GyroscopeCalibration::parse(text, &folder.path().join("file.toml")).unwrap();
+    let mut parts = Vec::new();
+    assert!(calibrate_with_parts(&file, &Silent, &mut parts).is_err());
+    let still: Vec<[f64; 2]> = parts[0].panels[0]
+        .series
+        .iter()
+        .filter(|series| series.role() == SeriesRole::Estimate)
+        .filter_map(|series| if let Shape::Line(line) = series.shape() { Some(line) } else { None })
+        .flat_map(|line| line.iter().map(|points| [points[0][0], points[points.len() - 1][0]]))
+        .collect();
+    let [[from, to]] = still[..] else { panic!("{still:?}") };
+    assert!(from < 0.5 && (2.5..3.001).contains(&to), "{from} {to}");
+}
+
 /// Several files of one unit are pooled; a name that is not there is named with those that are.
 #[test]
 fn records_at_rest_in_several_files_are_pooled() {
