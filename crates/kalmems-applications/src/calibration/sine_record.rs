@@ -4,6 +4,7 @@ use super::checks::CheckKind;
 use super::error::CalibrationError;
 use super::file::SineRecord;
 use super::files::InputFiles;
+use super::parts_of_vibration::still_in_vibration;
 use super::quantities::{QuantityUnit, RecordOutcome, contribution, stated_contribution};
 use super::rest::InertialSensor;
 use super::sweep::{BandResponse, bands};
@@ -20,8 +21,6 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 const SAME: f64 = 5e-3;
 /// The largest distortion of the reference (ISO 16063-21).
 const DISTORTION: f64 = 0.05;
-/// The shortest still part that is drawn, in s.
-const SHORTEST_S: f64 = 1.0;
 /// Parameters of a sine with two harmonics.
 const PARAMETERS: usize = 8;
 
@@ -333,8 +332,8 @@ fn parts(record: &SineRecord, samples: &UnitSamples) -> Figure {
     };
     let columns = [("reference", Some(samples.further())), ("sensor", sensor(record, samples))];
     let there = || columns.iter().filter_map(|(name, values)| Some((*name, (*values)?)));
-    let channels: Vec<(&[f64], bool)> = there().map(|(_, values)| (values, false)).collect();
-    let still = samples.still_parts(SHORTEST_S, &channels).concat();
+    let all: Vec<&[f64]> = there().map(|(_, values)| values).collect();
+    let still = still_in_vibration(&all, samples.time.interval_s);
     let above = samples.panel_of_parts(
         what,
         there().map(|(name, values)| (name, values.iter().map(|value| factor * value).collect())),

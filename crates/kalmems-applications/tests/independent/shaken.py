@@ -93,7 +93,7 @@ def numbers(kind, result):
 
 
 def main():
-    program, seeds = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 200
+    program, seeds = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 400
     assert seeds >= 100 and seeds % TOGETHER == 0, "fewer than 100 seeds, or none of ten"
     outside = []
     for number, kind in enumerate(KINDS):

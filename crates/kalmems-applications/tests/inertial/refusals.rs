@@ -7,7 +7,7 @@ use kalmems_applications::calibration::{
     calibration_figures,
 };
 use kalmems_engines::progress::Silent;
-use kalmems_figures::{SeriesRole, Shape};
+use kalmems_figures::{Panel, SeriesRole, Shape};
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs;
@@ -232,15 +232,23 @@ fn records_under_vibration_are_drawn_with_their_still_parts() {
     let file = GyroscopeCalibration::parse(text, &folder.path().join("file.toml")).unwrap();
     let mut parts = Vec::new();
     assert!(calibrate_with_parts(&file, &Silent, &mut parts).is_err());
-    let still: Vec<[f64; 2]> = parts[0].panels[0]
-        .series
-        .iter()
-        .filter(|series| series.role() == SeriesRole::Estimate)
-        .filter_map(|series| if let Shape::Line(line) = series.shape() { Some(line) } else { None })
-        .flat_map(|line| line.iter().map(|points| [points[0][0], points[points.len() - 1][0]]))
-        .collect();
+    let still = lines_of_estimates(&parts[0].panels[0]);
     let [[from, to]] = still[..] else { panic!("{still:?}") };
-    assert!(from < 0.5 && (2.5..3.001).contains(&to), "{from} {to}");
+    assert!(from < 0.1 && (2.9..3.001).contains(&to), "{from} {to}");
+    // The example's sweep rests at its beginning and its end.
+    let text = fs::read_to_string(inertial_unit().join("motion.toml")).unwrap();
+    let figures = calibration_figures(&calibrated(&text, &inertial_unit()).unwrap());
+    let still = lines_of_estimates(&figures.iter().find(|figure| figure.id == "sine-x").unwrap().panels[0]);
+    let [[first, start], [end, last]] = still[..] else { panic!("{still:?}") };
+    assert!(first < 0.1 && start < 0.6 && end > 11.5 && last > 12.8, "{still:?}");
+}
+
+/// From where to where the lines of the parts that were taken go.
+fn lines_of_estimates(panel: &Panel) -> Vec<[f64; 2]> {
+    let of_role = panel.series.iter().filter(|series| series.role() == SeriesRole::Estimate);
+    let lines =
+        of_role.filter_map(|series| if let Shape::Line(line) = series.shape() { Some(line) } else { None });
+    lines.flatten().map(|points| [points[0][0], points[points.len() - 1][0]]).collect()
 }
 
 /// Several files of one unit are pooled; a name that is not there is named with those that are.

@@ -270,10 +270,13 @@ fn a_sweep_gives_the_response_in_bands() {
 #[ignore = "400 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
 fn slow_intervals_by_sweeps_hold_95_of_100() {
     let held = sweeps_held(100..500, 1);
-    // The band below the beginning of the sweep is found in some records only.
+    // Bands below the beginning of the sweep are found in some records only: those in which their noise happens to be small.
     let (always, sometimes): (Vec<_>, Vec<_>) = held.into_iter().partition(|(_, [_, of])| *of == 400);
     println!("sweeps, in some records only: {sometimes:?}");
-    assert!(always.len() > 90 && sometimes.len() <= 4, "{sometimes:?}");
+    assert!(always.len() > 90 && sometimes.len() <= 6, "{sometimes:?}");
+    for (name, [held, of]) in sometimes.into_iter().filter(|(_, [_, of])| *of >= 100) {
+        assert_95_of_100("sweeps, in some records", [(name, held)], of);
+    }
     assert_95_of_100("sweeps", always.into_iter().map(|(name, [held, _])| (name, held)), 400);
 }
 
