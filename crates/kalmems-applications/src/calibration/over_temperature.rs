@@ -154,14 +154,11 @@ impl NumberOverTemperature<'_> {
         for direction in
             [TemperatureDirection::Up, TemperatureDirection::Down].into_iter().filter(|_| has_directions)
         {
-            match self.fitted(Some(direction)).transpose().map_err(failed)? {
-                Some(found) => legs.push((direction, found)),
-                None => {
-                    let count = self.values.iter().filter(|(_, own)| *own == Some(direction)).count();
-                    outcome
-                        .not_observed
-                        .push(self.too_few(&format!(" that goes {}", direction.name()), count));
-                }
+            if let Some(found) = self.fitted(Some(direction)).transpose().map_err(failed)? {
+                legs.push((direction, found));
+            } else {
+                let count = self.values.iter().filter(|(_, own)| *own == Some(direction)).count();
+                outcome.not_observed.push(self.too_few(&format!(" that goes {}", direction.name()), count));
             }
         }
         if legs.is_empty() {

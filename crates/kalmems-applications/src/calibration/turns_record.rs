@@ -105,7 +105,9 @@ fn measure_one(
                     turns.by_turns(axis, (magnitude.deviation, found.degrees_of_freedom), |turn| {
                         turn.times.abs() * angle
                     });
-                inputs.iter_mut().for_each(|input| input.standard_uncertainty *= part.abs());
+                for input in &mut inputs {
+                    input.standard_uncertainty *= part.abs();
+                }
                 let unit = QuantityUnit { factor: 1e6, shown: "ppm", ..QuantityUnit::RATIO };
                 outcome.push_known(format!("asymmetry_{name}"), unit, part * magnitude.value, inputs);
             } else {
