@@ -273,7 +273,7 @@ fn slow_intervals_by_sweeps_hold_95_of_100() {
     // Bands below the beginning of the sweep are found in some records only: those in which their noise happens to be small.
     let (always, sometimes): (Vec<_>, Vec<_>) = held.into_iter().partition(|(_, [_, of])| *of == 400);
     println!("sweeps, in some records only: {sometimes:?}");
-    assert!(always.len() > 90 && sometimes.len() <= 6, "{sometimes:?}");
+    assert!(always.len() > 70 && sometimes.len() <= 6, "{sometimes:?}");
     for (name, [held, of]) in sometimes.into_iter().filter(|(_, [_, of])| *of >= 100) {
         assert_95_of_100("sweeps, in some records", [(name, held)], of);
     }
