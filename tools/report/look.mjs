@@ -7,6 +7,7 @@ import { readFileSync, readdirSync, statSync, existsSync, writeFileSync } from "
 import { join, resolve } from "node:path";
 import { pathToFileURL } from "node:url";
 import { begin } from "../look.mjs";
+import { printedPages } from "./printed_pages.mjs";
 
 const [folder, executablePath, kalmems] = process.argv.slice(2).map((path) => resolve(path));
 const { browser, shots, check, accessible, end } = await begin(folder, executablePath);
@@ -553,6 +554,15 @@ const said = (page) => page.locator(".samples output").first().textContent();
     check(`${how}: a click on a cell leads to its run`, await isAt(page, 0));
     await page.context().close();
   }
+}
+
+// ---- A printed certificate -------------------------------------------------------------------------------------------
+{
+  const page = await open("calibrate", { address: pathToFileURL(join(folder, "pages", "calibrate", "certificate.html")).href });
+  const printed = printedPages(await page.pdf({ format: "A4" }));
+  const unnumbered = printed.filter((text, k) => !text.includes(`${k + 1} / ${printed.length}`)).length;
+  check("a printed certificate has a number on each of several pages", printed.length > 1 && unnumbered === 0, `${unnumbered} of ${printed.length} without`);
+  await page.context().close();
 }
 
 // ---- Without script --------------------------------------------------------------------------------------------------

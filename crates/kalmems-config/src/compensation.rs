@@ -18,6 +18,9 @@ pub struct TemperatureCurve {
     pub range_k: [f64; 2],
     /// Polynomials one after the other, each up to the temperature of the next: one, or those between the knots of a spline.
     pub pieces: Vec<CurvePiece>,
+    /// The square of the expanded uncertainty (95 %) in the same form, in the square of the unit; none if it is not known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub expanded_square: Vec<CurvePiece>,
 }
 
 /// A polynomial of the temperature.
@@ -32,6 +35,19 @@ pub struct CurvePiece {
 impl TemperatureCurve {
     /// The value at a temperature in K, which is held within the range.
     pub fn at(&self, temperature_k: f64) -> f64 {
+        self.of(&self.pieces, temperature_k)
+    }
+
+    /// The expanded uncertainty (95 %) of the value at a temperature in K; not a number if it is not known.
+    pub fn expanded_at(&self, temperature_k: f64) -> f64 {
+        match self.of(&self.expanded_square, temperature_k) {
+            // By rounding.
+            square if square < 0.0 => 0.0,
+            square => square.sqrt(),
+        }
+    }
+
+    fn of(&self, pieces: &[CurvePiece], temperature_k: f64) -> f64 {
         let [low, high] = self.range_k;
         // A temperature that is not a number stays one.
         let held = if temperature_k < low {
@@ -41,19 +57,19 @@ impl TemperatureCurve {
         } else {
             temperature_k
         };
-        let after = self.pieces.partition_point(|piece| piece.reference_k <= held);
-        let Some(piece) = self.pieces.get(after.saturating_sub(1)) else { return f64::NAN };
+        let after = pieces.partition_point(|piece| piece.reference_k <= held);
+        let Some(piece) = pieces.get(after.saturating_sub(1)) else { return f64::NAN };
         piece.coefficients.iter().rev().fold(0.0, |sum, own| sum * (held - piece.reference_k) + own)
     }
 
     fn is_valid(&self) -> bool {
-        let numbers =
-            self.pieces.iter().flat_map(|piece| piece.coefficients.iter().chain([&piece.reference_k]));
+        let all = self.pieces.iter().chain(&self.expanded_square);
+        let numbers = all.flat_map(|piece| piece.coefficients.iter().chain([&piece.reference_k]));
         let rises = |pair: &[CurvePiece]| pair[0].reference_k < pair[1].reference_k;
         self.range_k[0] <= self.range_k[1]
             && numbers.chain(&self.range_k).all(|number| number.is_finite())
             && !self.pieces.is_empty()
-            && self.pieces.windows(2).all(rises)
+            && [&self.pieces, &self.expanded_square].iter().all(|pieces| pieces.windows(2).all(rises))
     }
 }
 

@@ -35,12 +35,23 @@ fn main() -> Result<(), Box<dyn Error>> {
     fs::write(figures.join("calibration_noise.md"), noise_table(&shares))?;
     fs::write(figures.join("calibration_noise.svg"), noise_figure(&shares).to_svg())?;
     fs::write(figures.join("calibration_budget.svg"), budget_by_stage(&root)?.to_svg())?;
-    let unit = GyroscopeCalibration::load(&root.join("examples/inertial_unit/unit.toml"))?;
-    for figure in calibration_figures(&calibrate(&unit, &Silent)?) {
-        match figure.id.as_str() {
-            "rest" => fs::write(figures.join("calibration_still.svg"), figure.to_svg())?,
-            "allan" => fs::write(figures.join("calibration_allan.svg"), figure.to_svg())?,
-            _ => (),
+    of_inertial_unit(&root, &figures)
+}
+
+/// The pictures of each kind of record of `examples/inertial_unit`, by file, and the names that they have in the book.
+const OF_UNIT: [(&str, &[[&str; 2]]); 3] = [
+    ("unit.toml", &[["rest", "still"], ["allan", "allan"], ["positions", "positions"]]),
+    ("table.toml", &[["rates-z", "rates"], ["temperature-gyroscope-bias-z", "temperature"]]),
+    ("motion.toml", &[["turns-z", "turns"], ["sine-x", "sweep"]]),
+];
+
+fn of_inertial_unit(root: &Path, figures: &Path) -> Result<(), Box<dyn Error>> {
+    for (file, names) in OF_UNIT {
+        let unit = GyroscopeCalibration::load(&root.join("examples/inertial_unit").join(file))?;
+        let drawn = calibration_figures(&calibrate(&unit, &Silent)?);
+        for [id, name] in names {
+            let figure = drawn.iter().find(|figure| figure.id == *id).ok_or("a picture is missing")?;
+            fs::write(figures.join(format!("calibration_{name}.svg")), figure.to_svg())?;
         }
     }
     Ok(())

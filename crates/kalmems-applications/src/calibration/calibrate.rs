@@ -1,6 +1,7 @@
 //! From the files to the scale factors.
 
 use super::centre::{Centre, ShakenRecord};
+use super::checks::{CertificateCheck, CheckKind};
 use super::comparison::compared_references;
 use super::cross_check::Trials;
 use super::error::CalibrationError;
@@ -12,9 +13,11 @@ use super::outcome::{
     CalibratedGyroscope, Calibration, Centred, InPlane, RecordFigures, ScaleFactorAtFrequency,
     ScaleFactorChange, UncertainEstimate,
 };
+use super::over_temperature;
+use super::parts_of_vibration::parts_of_condition;
 use super::peaks::{HALF_WINDOW, PeakToPeak};
 use super::positions_record;
-use super::quantities::{CertificateCheck, QuantityUnit, RecordOutcome};
+use super::quantities::{QuantityUnit, RecordOutcome};
 use super::rates_record;
 use super::rest::{AxisAtRest, InertialSensor};
 use super::rest_record::{self, MeasuredRest};
@@ -52,9 +55,12 @@ pub fn calibrate_with_parts(
 ) -> Result<Calibration, CalibrationError> {
     let named = NamedFiles::new("calibration file", Purpose::Calibration, progress);
     let mut files = InputFiles { file, named, origins: BTreeMap::new(), parts };
-    let mut results = Vec::new();
+    let (mut results, mut condition_parts) = (Vec::new(), Vec::new());
     for (index, condition) in file.conditions.iter().enumerate() {
         let records = files.unit(index, condition)?;
+        let shown = parts_of_condition(condition.name.as_str(), &records);
+        files.parts.push(shown.clone());
+        condition_parts.push(shown);
         let full_scale = file.gyroscope.full_scale.as_ref().map(crate::config::Quantity::si);
         let tones: Vec<VibrationTone> = records
             .iter()
@@ -80,12 +86,13 @@ pub fn calibrate_with_parts(
         }
     }
     let MeasuredRest { axes: rest, motions, remarks, parts: rest_parts } = rest_record::measure(&mut files)?;
-    let mut records: Vec<RecordOutcome> = positions_record::measure(&mut files)?.into_iter().collect();
-    for positions in &mut records {
+    let mut records = positions_record::measure(&mut files)?;
+    if let Some(positions) = records.first_mut() {
         compare_angles(&mut results, positions);
     }
+    records.extend(over_temperature::of_positions(file, &records)?);
     let rates = rates_record::measure(&mut files)?;
-    let over_temperature = temperature_record::of_rates(file, &rates)?;
+    let over_temperature = over_temperature::of_rates(file, &rates)?;
     records.extend(rates);
     records.extend(over_temperature);
     records.extend(turns_record::measure(&mut files)?);
@@ -126,6 +133,7 @@ pub fn calibrate_with_parts(
         bias_checks,
         rest_motions: motions,
         rest_parts,
+        condition_parts,
         records,
         sources,
         findings,
@@ -159,7 +167,10 @@ fn compare_angles(results: &mut [CalibratedGyroscope], positions: &mut RecordOut
                 format!("gyroscope_non_orthogonality_{}", if a < b { [a, b] } else { [b, a] }.concat());
             let Some(by_positions) = positions.estimate(&name) else { continue };
             let [difference, limit] = difference(&angle, by_positions);
-            let place = format!("condition `{}`, reference `{}`", result.condition, result.reference);
+            let place = format!(
+                "condition `{}`, reference `{}`, gyroscopes of {a} and {b}",
+                result.condition, result.reference
+            );
             let found =
                 format!("{:+.3} mrad apart, and both are known to {:.3} mrad", 1e3 * difference, 1e3 * limit);
             if difference.abs() > limit {
@@ -168,11 +179,7 @@ fn compare_angles(results: &mut [CalibratedGyroscope], positions: &mut RecordOut
                      mounting, or state the angle as `uncertainty.alignment`"
                 ));
             }
-            positions.check(
-                format!("{place}: the angle between the gyroscopes of {a} and {b} is that by the positions"),
-                difference.abs() <= limit,
-                found,
-            );
+            positions.check(CheckKind::SquareReference, &place, difference.abs() <= limit, found);
         }
     }
 }
@@ -189,14 +196,9 @@ fn bias_checks(results: &[CalibratedGyroscope], rest: &[AxisAtRest]) -> Vec<Cert
             let apart = format!("{difference:+.1} {shown} apart, and both are known to {limit:.1} {shown}");
             let passes = difference.abs() <= limit;
             let why = "a vibration that is rectified, another temperature or a bias that wanders; neither is the bias of the other state";
-            Some(CertificateCheck {
-                what: format!(
-                    "condition `{}`: the bias of {} under vibration is that at rest",
-                    result.condition, rest.axis
-                ),
-                passes,
-                found: if passes { apart } else { format!("{apart}: {why}") },
-            })
+            let found = if passes { apart } else { format!("{apart}: {why}") };
+            let place = format!("condition `{}`, axis {}", result.condition, rest.axis);
+            Some(CertificateCheck::new(CheckKind::BiasUnderVibration, &place, passes, found))
         });
         each.collect()
     };

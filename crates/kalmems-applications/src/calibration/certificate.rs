@@ -2,10 +2,11 @@
 //!
 //! What the operator did not state is listed as not stated: nothing on a certificate is made up.
 
+use super::checks::{CertificateCheck, CheckKind};
 use super::comparison::ReferenceComparison;
 use super::inputs::{OF_REPEATABILITY, OF_REPRODUCIBILITY};
 use super::outcome::{CalibratedGyroscope, Calibration, CrossCheck, UncertainEstimate};
-use super::quantities::{CalibratedQuantity, CertificateCheck, QuantityUnit, RecordOutcome};
+use super::quantities::{CalibratedQuantity, QuantityUnit, RecordOutcome};
 use super::rest::{BiasMethod, InertialSensor};
 use super::results::{at_rest, budget, comparisons, matrix, with_uncertainty};
 use super::tone::AXES;
@@ -400,77 +401,62 @@ fn validity(found: &Calibration) -> Vec<CertificateCheck> {
             .map(|at| format!("{:.2} Hz", at.frequency_hz))
             .collect();
         let scatter = names().find(|name| known.contains(name)).filter(|_| alone.is_empty());
-        checks.push(CertificateCheck {
-            what: format!("{place}: the interval has what changes from record to record"),
-            passes: scatter.is_some(),
-            found: scatter.map_or_else(
-                || {
-                    let place =
-                        if alone.is_empty() { String::new() } else { format!(" at {}", alone.join(", ")) };
-                    format!(
-                        "neither several records tell it nor `uncertainty.reproducibility` states it{place}"
-                    )
-                },
-                ToOwned::to_owned,
-            ),
+        let mut check = |kind, passes, found: String| {
+            checks.push(CertificateCheck::new(kind, &place, passes, found));
+        };
+        let of_scatter = scatter.map_or_else(
+            || {
+                let place =
+                    if alone.is_empty() { String::new() } else { format!(" at {}", alone.join(", ")) };
+                format!("neither several records tell it nor `uncertainty.reproducibility` states it{place}")
+            },
+            ToOwned::to_owned,
+        );
+        check(CheckKind::RecordScatter, scatter.is_some(), of_scatter);
+        let is_described = result.withheld.is_none() || !result.by_frequency.is_empty();
+        let of_factor = result.withheld.clone().unwrap_or_else(|| {
+            format!(
+                "χ² {:.1} at {} degrees of freedom by the noise within the records",
+                result.chi_square, result.freedom
+            )
         });
-        checks.push(CertificateCheck {
-            what: format!("{place}: one scale factor describes the records, or each frequency has its own"),
-            passes: result.withheld.is_none() || !result.by_frequency.is_empty(),
-            found: result.withheld.clone().unwrap_or_else(|| {
-                format!(
-                    "χ² {:.1} at {} degrees of freedom by the noise within the records",
-                    result.chi_square, result.freedom
-                )
-            }),
-        });
+        check(CheckKind::OneScaleFactor, is_described, of_factor);
         let worst = result.records.iter().flat_map(|record| record.distortion).fold(0.0, f64::max);
-        checks.push(CertificateCheck {
-            what: format!("{place}: the motion is a sine"),
-            passes: worst < LARGEST_DISTORTION,
-            found: format!("harmonics of at most {worst:.1e} of the amplitude"),
-        });
-        if let Some(check) = &result.cross_check {
+        let of_sine = format!("harmonics of at most {worst:.1e} of the amplitude");
+        check(CheckKind::SineMotion, worst < LARGEST_DISTORTION, of_sine);
+        if let Some(trials) = &result.cross_check {
             let all =
-                std::iter::once(&check.scale_factor).chain(check.entries.iter().map(|(_, found)| found));
+                std::iter::once(&trials.scale_factor).chain(trials.entries.iter().map(|(_, found)| found));
             let worst = all.max_by(|a, b| (a.accuracy / a.tolerance).total_cmp(&(b.accuracy / b.tolerance)));
-            checks.push(CertificateCheck {
-                what: format!(
-                    "{place}: the trials are enough to tell whether the expanded uncertainty holds"
-                ),
-                passes: worst.is_some_and(|worst| worst.accuracy <= worst.tolerance),
-                found: if check.disagreements.is_empty() {
-                    format!("{} trials agree", check.scale_factor.propagated.trials)
-                } else {
-                    check.disagreements.join("; ")
-                },
-            });
+            let are_enough = worst.is_some_and(|worst| worst.accuracy <= worst.tolerance);
+            let of_trials = if trials.disagreements.is_empty() {
+                format!("{} trials agree", trials.scale_factor.propagated.trials)
+            } else {
+                trials.disagreements.join("; ")
+            };
+            check(CheckKind::EnoughTrials, are_enough, of_trials);
         }
     }
     if !found.rest.is_empty() {
-        checks.push(CertificateCheck {
-            what: "the unit is still during the record at rest".to_owned(),
-            passes: found.rest_motions.is_empty(),
-            found: if found.rest_motions.is_empty() {
-                "no part of the record and no line of its spectrum stands out; mean and noise do not change"
-                    .to_owned()
-            } else {
-                found.rest_motions.join("; ")
-            },
-        });
+        let is_still = found.rest_motions.is_empty();
+        let of_rest = if is_still {
+            "no part of the record and no line of its spectrum stands out; mean and noise do not change"
+                .to_owned()
+        } else {
+            found.rest_motions.join("; ")
+        };
+        checks.push(CertificateCheck::new(CheckKind::StillAtRest, "", is_still, of_rest));
     }
     checks.extend(found.bias_checks.iter().cloned());
     checks.extend(found.records.iter().flat_map(|record| record.checks.iter().cloned()));
-    checks.extend(found.comparisons.iter().map(|comparison| CertificateCheck {
-        what: format!(
-            "condition `{}`: {} and {} agree",
-            comparison.condition, comparison.references[0], comparison.references[1]
-        ),
-        passes: !comparison.contradict,
-        found: format!(
+    checks.extend(found.comparisons.iter().map(|comparison| {
+        let [first, second] = &comparison.references;
+        let place = format!("condition `{}`, references `{first}` and `{second}`", comparison.condition);
+        let apart = format!(
             "{:+.1} ppm with a standard uncertainty of {:.1} ppm, normalised error {:+.2}",
             comparison.difference_ppm, comparison.uncertainty_ppm, comparison.normalised_error
-        ),
+        );
+        CertificateCheck::new(CheckKind::References, &place, !comparison.contradict, apart)
     }));
     checks
 }

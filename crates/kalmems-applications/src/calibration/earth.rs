@@ -1,7 +1,9 @@
 //! The part of a mean rate at rest that is the Earth's rotation.
 
+use super::quantities::contribution;
 use super::rest::{AxisAtRest, InertialSensor};
 use super::tone::AXES;
+use crate::metrology::{Evaluation, Input};
 use kalmems_core::Portable;
 use serde::Serialize;
 
@@ -32,6 +34,13 @@ impl EarthAtRest {
             uncertainty: EARTH_RATE * latitude.portable_cos().abs() * level / SQRT_2,
         }
     }
+}
+
+/// What a number has of the Earth's rotation along an axis of unknown direction, or along the vertical at an unknown latitude, which are distributed alike;
+/// the number changes by `by` for a rate of 1 rad/s.
+pub(super) fn earth_of_unknown_direction(by: f64) -> Input {
+    let part = EarthAtRest::unknown().uncertainty * by;
+    contribution("Earth's rotation, direction or latitude not stated", part, f64::INFINITY, Evaluation::B)
 }
 
 const SQRT_2: f64 = std::f64::consts::SQRT_2;

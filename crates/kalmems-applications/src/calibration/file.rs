@@ -48,6 +48,12 @@ pub struct GyroscopeCalibration {
     /// A record of several positions with motions between them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub positions: Option<PositionsRecord>,
+    /// The same at further temperatures: each record of positions states its `temperature` then.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub further_positions: Vec<PositionsRecord>,
+    /// The curves through the results of the records of positions at several temperatures.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub positions_over_temperature: Option<CurveChoice>,
     /// Records on a rate table that turns at one rate after the other.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rates: Vec<RatesRecord>,
@@ -323,6 +329,9 @@ pub struct RestRecord {
     /// forbids a certificate.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub subtract_lines: bool,
+    /// Writes the noise densities as `imu.yaml` under the names of Kalibr and of drivers of ROS.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub noise_yaml: bool,
 }
 
 /// A record in which the unit rests in many positions one after the other, turned by hand between them. The columns are those of the unit.
@@ -357,6 +366,12 @@ pub struct PositionsRecord {
     /// determine the terms of second and third order of the accelerometers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub attitudes: Vec<[f64; 3]>,
+    /// The temperature of the unit. Records at several temperatures give scale factors, angles and biases over the temperature.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<Quantity<Temperature, Positive>>,
+    /// How the temperature was reached, `up` or `down`: curves are then apart, and their difference is the hysteresis.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature_direction: Option<TemperatureDirection>,
 }
 
 /// A record on a rate table that turns about one axis of the unit at one constant rate after the other. The columns are those of the unit's gyroscopes
@@ -400,6 +415,9 @@ pub struct RatesRecord {
     /// The temperature of the unit. Records of one axis at several temperatures give scale factor, bias and cross-axis sensitivity over the temperature.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature: Option<Quantity<Temperature, Positive>>,
+    /// How the temperature was reached, `up` or `down`: curves are then apart, and their difference is the hysteresis.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature_direction: Option<TemperatureDirection>,
     /// How long the table turns at one rate at least; `"1 s"` if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shortest: Option<Quantity<Time, Positive>>,
@@ -574,6 +592,26 @@ pub enum Mounting {
     Down,
 }
 
+/// A direction of the temperature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TemperatureDirection {
+    /// It rises.
+    Up,
+    /// It falls.
+    Down,
+}
+
+impl TemperatureDirection {
+    /// As names of numbers have it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Up => "up",
+            Self::Down => "down",
+        }
+    }
+}
+
 /// An axis of the unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -732,8 +770,16 @@ impl GyroscopeCalibration {
             }
             self.check_record(&key, &rest.of_unit(&self.gyroscope))?;
         }
-        if let Some(positions) = &self.positions {
-            let key = Key::from("positions");
+        let further = self.further_positions.iter().enumerate();
+        let further = further.map(|(index, record)| (Key::from("further_positions").index(index), record));
+        let first = self.positions.iter().map(|record| (Key::from("positions"), record));
+        for (key, positions) in first.chain(further) {
+            if !self.further_positions.is_empty()
+                && (positions.temperature.is_none() || self.positions.is_none())
+            {
+                let why = "found several records of positions; expected `[positions]` and each of `[[further_positions]]` with its `temperature`";
+                return refuse(key.child("temperature"), why.to_owned());
+            }
             let complete = |channels: &Channels| AXES.iter().all(|axis| channels.column(axis).is_some());
             if !self.gyroscope.accelerometers.as_ref().is_some_and(complete) {
                 let why = "positions calibrate three accelerometers; expected their columns such as `accelerometers = { x = \"acc_x_gn\", y = \
@@ -747,9 +793,12 @@ impl GyroscopeCalibration {
             self.check_record(&key, &positions.of_unit(&self.gyroscope))?;
         }
         let of_cycle = self.temperature.iter().map(|record| ("temperature", record.curve()));
-        let of_rates =
-            self.rates_over_temperature.iter().map(|choice| ("rates_over_temperature", choice.clone()));
-        for (table, choice) in of_cycle.chain(of_rates) {
+        let of_several = [
+            ("rates_over_temperature", &self.rates_over_temperature),
+            ("positions_over_temperature", &self.positions_over_temperature),
+        ];
+        let of_several = of_several.into_iter().filter_map(|(table, choice)| Some((table, choice.clone()?)));
+        for (table, choice) in of_cycle.chain(of_several) {
             if let Err((key, why)) = choice.check() {
                 return refuse(Key::from(table).child(key), why);
             }
@@ -780,6 +829,11 @@ impl GyroscopeCalibration {
             self.check_record(&key, &record)?;
         }
         Ok(())
+    }
+
+    /// The records of positions in the order of the file.
+    pub(super) fn all_positions(&self) -> impl Iterator<Item = &PositionsRecord> {
+        self.positions.iter().chain(&self.further_positions)
     }
 
     /// The key of the unit's table, as the file calls it.

@@ -9,6 +9,7 @@ mod calibrate;
 mod centre;
 #[cfg(feature = "report")]
 mod certificate;
+mod checks;
 mod comparison;
 #[cfg(feature = "report")]
 mod compensation_sources;
@@ -30,6 +31,8 @@ mod octave_covariance;
 mod off_axis;
 mod one_factor;
 mod outcome;
+mod over_temperature;
+mod parts_of_vibration;
 mod passed_flicker;
 mod peaks;
 mod positions;
@@ -61,12 +64,13 @@ pub use calibrate::{calibrate, calibrate_with_parts};
 pub use centre::{Centre, ShakenRecord};
 #[cfg(feature = "report")]
 pub use certificate::{Certificate, certificate_page};
+pub use checks::{CertificateCheck, CheckKind};
 pub use comparison::ReferenceComparison;
 pub use error::CalibrationError;
 pub use file::{
     CertificateDetails, Condition, CurveChoice, GyroscopeCalibration, InertialUnit, MonteCarlo,
     MotionReference, Mounting, PositionsRecord, RatesRecord, RestRecord, SineRecord, StatedUncertainty,
-    TableAxis, TemperatureRecord, TurnsRecord,
+    TableAxis, TemperatureDirection, TemperatureRecord, TurnsRecord,
 };
 pub use matrix::{CalibrationMatrix, LeaveOneOut, RatePair, Repeatability};
 pub use noise_fit::{NoFit, NoiseFit};
@@ -77,7 +81,7 @@ pub use outcome::{
     ScaleFactorChange, UncertainEstimate, UncertaintyContribution,
 };
 pub use peaks::{HALF_WINDOW, PeakToPeak};
-pub use quantities::{CalibratedQuantity, CertificateCheck, QuantityCovariance, QuantityUnit, RecordOutcome};
+pub use quantities::{CalibratedQuantity, QuantityCovariance, QuantityUnit, RecordOutcome};
 pub use rest::{AxisAtRest, BiasMethod, InertialSensor, NoiseTerm};
 pub use rest_samples::RestSamples;
 #[cfg(feature = "report")]

@@ -1,8 +1,9 @@
 //! What a calibration found.
 
+use super::checks::CertificateCheck;
 use super::comparison::ReferenceComparison;
 use super::peaks::PeakToPeak;
-use super::quantities::{CertificateCheck, RecordOutcome};
+use super::quantities::RecordOutcome;
 use super::rest::AxisAtRest;
 use super::tone::AXES;
 use crate::calibration::file::GyroscopeCalibration;
@@ -30,6 +31,8 @@ pub struct Calibration {
     pub rest_motions: Vec<String>,
     /// The still and the moving parts of the record at rest.
     pub rest_parts: Option<Figure>,
+    /// The records of each condition with their still parts.
+    pub condition_parts: Vec<Figure>,
     /// Records of other kinds, such as that of positions.
     pub records: Vec<RecordOutcome>,
     /// The files that were read, each once.

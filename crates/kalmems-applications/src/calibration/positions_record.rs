@@ -1,6 +1,7 @@
 //! The record of positions of a calibration file: still parts and motions found, both sensors calibrated, and what can be said of the fit.
 
-use super::earth::EARTH_RATE;
+use super::checks::CheckKind;
+use super::earth::{EARTH_RATE, earth_of_unknown_direction};
 use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::positions::{
@@ -37,14 +38,32 @@ struct FoundPositions {
     noise: f64,
 }
 
-/// The outcome of the record of positions, if the file names one.
-pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, CalibrationError> {
+/// The outcomes of the records of positions in the order of the file.
+pub(super) fn measure(files: &mut InputFiles) -> Result<Vec<RecordOutcome>, CalibrationError> {
     let file = files.file;
-    let Some(record) = &file.positions else { return Ok(None) };
-    let samples = record.of_unit(&file.gyroscope).read(files, Key::from("positions").child("file"))?;
+    file.all_positions().enumerate().map(|(number, record)| measure_one(files, record, number)).collect()
+}
+
+/// What ends the identifier and the title of each record but the first.
+fn ending(number: usize) -> String {
+    if number == 0 { String::new() } else { format!("-{}", number + 1) }
+}
+
+fn measure_one(
+    files: &mut InputFiles,
+    record: &PositionsRecord,
+    number: usize,
+) -> Result<RecordOutcome, CalibrationError> {
+    let file = files.file;
+    let key = match number.checked_sub(1) {
+        None => Key::from("positions"),
+        Some(index) => Key::from("further_positions").index(index),
+    };
+    let samples = record.of_unit(&file.gyroscope).read(files, key.child("file"))?;
     let shortest_s = record.shortest.as_ref().map_or(SHORTEST_S, Quantity::si);
     let found = FoundPositions::of(&samples, shortest_s);
-    let parts = parts(&samples, &found, record.gravity.si());
+    let mut parts = parts(&samples, &found, record.gravity.si());
+    parts.id += &ending(number);
     files.parts.push(parts.clone());
     if found.positions.len() < FEWEST_POSITIONS {
         return Err(CalibrationError::Positions {
@@ -63,7 +82,8 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
     } else {
         None
     };
-    let mut outcome = RecordOutcome::new("positions", "Positions", method(has_gyroscopes));
+    let title = format!("Positions{}", ending(number).replace('-', " "));
+    let mut outcome = RecordOutcome::new("positions", title, method(has_gyroscopes));
     outcome.tables.push(positions_table(&samples, &found, &accelerometers, gravity));
     outcome.figures.push(figure(parts, &samples, &found, &accelerometers, gravity));
     outcome.warnings.clone_from(&samples.remarks);
@@ -97,7 +117,7 @@ pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, C
          accelerometer's axis and the plane of the first two"
             .to_owned(),
     );
-    Ok(Some(outcome))
+    Ok(outcome)
 }
 
 impl FoundPositions {
@@ -217,7 +237,8 @@ fn judge_accelerometers(
         ));
     }
     outcome.check(
-        "positions: the specific force has the magnitude of gravity in each position".to_owned(),
+        CheckKind::Gravity,
+        "positions",
         standing_out.is_empty(),
         format!(
             "residuals of {:.2e} m/s² at {} degrees of freedom; white noise alone would leave {:.2e} m/s²",
@@ -237,7 +258,8 @@ fn of_gyroscopes(outcome: &mut RecordOutcome, found: &GyroscopeFit, freedom_of_a
     let exchanged: Vec<&str> = (0..3).filter(|axis| own(*axis) < OWN_AXIS).map(|axis| AXES[axis]).collect();
     let is_square = exchanged.is_empty();
     outcome.check(
-        "positions: the gyroscopes' axes are those of the accelerometers, with the same signs".to_owned(),
+        CheckKind::AxesOfPositions,
+        "positions",
         is_square,
         if is_square {
             format!("residuals of {:.2e} rad in the direction of gravity", found.fit.residual_deviation())
@@ -295,14 +317,7 @@ fn of_rest_means(outcome: &mut RecordOutcome, each: &[Fit<4>; 3], is_earth_known
             let found = fit.parameter(1 + place);
             let mut inputs = inputs_of(found.deviation);
             if !is_earth_known && axis == along {
-                // The vertical part of the Earth's rotation at an unknown latitude.
-                let part = EARTH_RATE / STANDARD_GRAVITY / 3.0_f64.sqrt();
-                inputs.push(contribution(
-                    "Earth's rotation, latitude not stated",
-                    part,
-                    f64::INFINITY,
-                    Evaluation::B,
-                ));
+                inputs.push(earth_of_unknown_direction(STANDARD_GRAVITY.recip()));
             }
             let name = format!("gyroscope_force_sensitivity_{axis}{along}");
             outcome.push_known(name, sensitivity, found.value, inputs);

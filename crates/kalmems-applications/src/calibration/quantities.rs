@@ -1,5 +1,6 @@
 //! What a record of a unit determines, in the shape that tables, JSON and the certificate share.
 
+use super::checks::{CertificateCheck, CheckKind};
 use super::file::InertialUnit;
 use super::outcome::{CalibratedGyroscope, UncertainEstimate};
 use super::tone::AXES;
@@ -66,17 +67,6 @@ pub struct CalibratedQuantity {
 
 fn in_si<S: Serializer>(unit: &QuantityUnit, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(unit.unit)
-}
-
-/// A check of what was assumed.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct CertificateCheck {
-    /// What is looked at.
-    pub what: String,
-    /// Whether it passes.
-    pub passes: bool,
-    /// What was found.
-    pub found: String,
 }
 
 /// The covariance matrix of numbers of a record.
@@ -207,8 +197,8 @@ impl RecordOutcome {
     }
 
     /// Adds a check of what was assumed.
-    pub(super) fn check(&mut self, what: impl Into<String>, passes: bool, found: impl Into<String>) {
-        self.checks.push(CertificateCheck { what: what.into(), passes, found: found.into() });
+    pub(super) fn check(&mut self, kind: CheckKind, place: &str, passes: bool, found: impl Into<String>) {
+        self.checks.push(CertificateCheck::new(kind, place, passes, found));
     }
 
     /// Adds a number; one that the record does not determine is named instead.

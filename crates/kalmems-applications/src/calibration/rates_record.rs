@@ -1,19 +1,18 @@
 //! Records on a rate table that turns at one constant rate after the other: scale factor, its changes with the rate, bias, cross-axis sensitivity
 //! and hysteresis (IEEE Std 952 and 1431).
 
-use super::earth::EARTH_RATE;
+use super::checks::CheckKind;
+use super::earth::{EARTH_RATE, earth_of_unknown_direction};
 use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::linear_model::{LinearModel, residuals_left, standing_out};
-use super::quantities::{
-    QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter, contribution, stated_contribution,
-};
+use super::quantities::{QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter, stated_contribution};
 use super::tone::AXES;
 use super::unit_record::UnitSamples;
 use crate::calibration::file::{Mounting, RatesRecord};
 use crate::config::Quantity;
 use crate::fit::{DerivedNumber, Fit, FitError};
-use crate::metrology::{Evaluation, Input, coverage_factor};
+use crate::metrology::{Input, coverage_factor};
 use kalmems_core::{Dual, Portable, Scalar};
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 use std::ops::Range;
@@ -197,9 +196,7 @@ fn by_mountings(records: &[RatesRecord], biases: &[RecordBiases]) -> RecordOutco
             let mut inputs = by_scatter(half * above.deviation, freedom);
             inputs.extend(by_scatter(half * below.deviation, of_below));
             if axis == main && (up.latitude.is_none() || down.latitude.is_none()) {
-                let part = EARTH_RATE / STANDARD_GRAVITY / 3.0_f64.sqrt();
-                let name = "Earth's rotation, latitude not stated";
-                inputs.push(contribution(name, part, f64::INFINITY, Evaluation::B));
+                inputs.push(earth_of_unknown_direction(STANDARD_GRAVITY.recip()));
             }
             let value = half * (above.value - below.value);
             let unit = QuantityUnit::force_sensitivity();
@@ -319,13 +316,7 @@ impl Steps {
                 }
             }
             if name == "bias" && !is_earth_known {
-                let part = EARTH_RATE / 3.0_f64.sqrt();
-                inputs.push(contribution(
-                    "Earth's rotation, latitude not stated",
-                    part,
-                    f64::INFINITY,
-                    Evaluation::B,
-                ));
+                inputs.push(earth_of_unknown_direction(1.0));
             }
             outcome.push_known(format!("{name}_{axis}"), unit, number.value, inputs);
         }
@@ -350,12 +341,8 @@ impl Steps {
                 step.table.to_degrees()
             ));
         }
-        let name = |what: &str| format!("rates `{}`: {what}", record.name);
-        outcome.check(
-            name("bias, asymmetry, a polynomial of third order and hysteresis describe the steps"),
-            far.is_empty(),
-            residuals_left(found, "rad/s"),
-        );
+        let place = format!("rates `{}`", record.name);
+        outcome.check(CheckKind::RateSteps, &place, far.is_empty(), residuals_left(found, "rad/s"));
         if let Some([share, deviation, freedom]) = self.lag(samples.rates()[record.axis.index()]) {
             let passes = share.abs() <= coverage_factor(1.0 - FALSE_ALARMS, freedom) * deviation;
             let found = format!(
@@ -363,7 +350,7 @@ impl Steps {
                 1e6 * share,
                 1e6 * deviation
             );
-            outcome.check(name("the gyroscope has settled where the steps begin"), passes, found.clone());
+            outcome.check(CheckKind::SettledRates, &place, passes, found.clone());
             if !passes {
                 outcome.warnings.push(format!(
                     "rates `{}`: {found}: it still follows the rate before, which looks like hysteresis; state `settling`, a few of its time constants",
@@ -372,11 +359,7 @@ impl Steps {
             }
         }
         let scale = found.derived(|p| self.line(p, |_| true)).value;
-        outcome.check(
-            name("the gyroscope turns with the table"),
-            scale > 0.5,
-            format!("scale factor {scale:+.4}"),
-        );
+        outcome.check(CheckKind::AxisOfTable, &place, scale > 0.5, format!("scale factor {scale:+.4}"));
         if scale <= 0.5 {
             outcome.warnings.push(format!(
                 "rates `{}`: the gyroscope of {} shows {scale:+.3} of the rate of the table: its sign is turned, or another axis lies along that of the table; \

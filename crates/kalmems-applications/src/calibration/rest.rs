@@ -582,26 +582,39 @@ mod tests {
         }
     }
 
-    /// 95 of 100, at least as far as so many records tell: fewer than 180 of 200 would be seen in one of 1000 such tests.
+    /// The limits of 91 and 99 % of 200 records, which an interval of 95 % leaves once in 150 times.
+    const LIMITS: std::ops::RangeInclusive<usize> = 182..=198;
+
+    /// Each number that is not 0 is in its interval in 91 to 99 % of the records, and all of them in 94 to 97 %. The interval of a ramp, and with a ramp that
+    /// of flicker, holds as well for each random walk that the record does not exclude, and so has no upper limit; nor has that of a size that is 0.
     #[test]
     #[ignore = "2200 records; cargo test -p kalmems-applications --lib -- --ignored slow_"]
     fn slow_intervals_of_a_record_at_rest_hold_95_times_in_100() {
+        let (mut pooled, mut of) = (0, 0);
         for (name, made) in KINDS {
             let found = coverage(&made, 200, 1);
             print(name, &found);
             assert!(found.refused < 4, "{name}: {}", found.refused);
-            assert!(
-                found.held[made.judged()].iter().all(|held| *held >= 180 - found.refused),
-                "{name}: {:?}",
-                found.held
-            );
+            let flicker = if made.ramp == 0.0 { made.instability } else { 0.0 };
+            let sizes = [BIAS, made.walk, flicker, made.rate_walk, made.quantisation, 0.0];
+            for place in made.judged() {
+                let held = found.held[place];
+                assert!(held >= LIMITS.start() - found.refused, "{name}: {:?}", found.held);
+                if sizes[place] > 0.0 {
+                    assert!(held <= *LIMITS.end(), "{name}: {:?}", found.held);
+                    (pooled, of) = (pooled + held, of + 200 - found.refused);
+                }
+            }
             // At the shortest averaging times flicker of samples is not that of means, and a low pass takes from the variance.
             for (time_s, held) in
                 found.allan.iter().filter(|(time_s, _)| *time_s > 1.0 && made.low_pass == 0.0)
             {
-                assert!(*held >= 180 - found.refused, "{name}: {time_s} s: {held}");
+                assert!(*held >= LIMITS.start() - found.refused, "{name}: {time_s} s: {held}");
             }
         }
+        let part = 100.0 * pooled as f64 / of as f64;
+        println!("{part:.2} % of {of}");
+        assert!((94.0..=97.0).contains(&part), "{part}");
     }
 
     /// The closed forms of white noise and of a random walk: how often the intervals of the relatives hold them.
@@ -652,7 +665,7 @@ mod tests {
             let known = held.iter().filter(|(_, time_s, _)| name == "white" || *time_s > 1.0);
             assert!(known.clone().count() >= 25);
             for (kind, time_s, held) in known {
-                assert!(*held >= 180, "{name}: {kind} at {time_s} s: {held}");
+                assert!(LIMITS.contains(held), "{name}: {kind} at {time_s} s: {held}");
             }
         }
     }

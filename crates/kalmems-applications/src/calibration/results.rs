@@ -633,7 +633,7 @@ pub fn calibration_figures(found: &Calibration) -> Vec<Figure> {
     let mut figures: Vec<Figure> =
         found.results.iter().filter(|r| r.records.len() > 1).map(of_records).collect();
     figures.extend(found.results.iter().map(of_budget));
-    figures.extend(found.rest_parts.clone());
+    figures.extend(found.condition_parts.iter().chain(&found.rest_parts).cloned());
     for sensor in [InertialSensor::Gyroscope, InertialSensor::Accelerometer] {
         let rests: Vec<&AxisAtRest> = found.rest.iter().filter(|rest| rest.sensor == sensor).collect();
         if !rests.is_empty() {
@@ -858,7 +858,7 @@ fn of_density(rests: &[&AxisAtRest], sensor: InertialSensor) -> Figure {
 }
 
 /// Writes a calibration into a result: `calibration.json`, `calibration.csv` (a line for each entry of K and each bias),
-/// `records.csv`, `allan.csv` and `imu.yaml` where there is a record at rest, `temperature.json`, `temperature.h` and `temperature.rs` where there are curves over the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
+/// `records.csv`, `allan.csv` where there is a record at rest, `imu.yaml` where it is asked for, `temperature.json`, `temperature.h` and `temperature.rs` where there are curves over the temperature, `certificate.json` and `certificate.html`, `report.html`, its pictures in
 /// `figures/`, `run.toml`.
 pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) -> Result<(), WriteError> {
     let input_id = input_id(found);
@@ -877,7 +877,9 @@ pub fn write_calibration(found: &Calibration, output: &Output, info: RunInfo) ->
             output.write(&format!("{}.csv", allan_id(sensor)), |w| allan(&rests, sensor, w))?;
         }
     }
-    if let Some(yaml) = noise_yaml(&found.rest, found.file.gyroscope.rate.si()) {
+    let wants_yaml = found.file.rest.as_ref().is_some_and(|rest| rest.noise_yaml);
+    let yaml = noise_yaml(&found.rest, found.file.gyroscope.rate.si());
+    if let Some(yaml) = yaml.filter(|_| wants_yaml) {
         output.write("imu.yaml", |w| w.write_all(yaml.as_bytes()))?;
     }
     let compensation: Vec<&TemperatureCurve> =
@@ -1066,7 +1068,7 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
     let with_figures = |section: PageSection, is_of: &dyn Fn(&str) -> bool| {
         figures.iter().filter(|figure| is_of(&figure.id)).cloned().fold(section, PageSection::figure)
     };
-    for result in &found.results {
+    for (place, result) in found.results.iter().enumerate() {
         let section =
             PageSection::new(format!("Condition {}, reference {}", result.condition, result.reference))
                 .part(PagePart::Evidence);
@@ -1075,7 +1077,10 @@ fn page(found: &Calibration, figures: &[Figure]) -> Page {
         let ids =
             ["budget", "records"].map(|kind| format!("{kind}-{}-{}", result.condition, result.reference));
         let section = with_not_observed(section, &result.not_observed);
-        page = page.with(with_figures(section, &|id| ids.iter().any(|own| own == id)));
+        // The records are those of all references of the condition.
+        let is_first = found.results.iter().take(place).all(|other| other.condition != result.condition);
+        let parts = is_first.then(|| format!("parts-{}", result.condition));
+        page = page.with(with_figures(section, &|id| ids.iter().chain(&parts).any(|own| own == id)));
     }
     if !found.rest.is_empty() {
         let rests: Vec<&AxisAtRest> = found.rest.iter().collect();

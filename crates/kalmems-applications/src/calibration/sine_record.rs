@@ -1,8 +1,10 @@
 //! Records under sines or sweeps with a reference in the same file: amplitude, phase and bandwidth (comparison with a reference transducer, ISO 16063-21).
 
+use super::checks::CheckKind;
 use super::error::CalibrationError;
 use super::file::SineRecord;
 use super::files::InputFiles;
+use super::parts_of_vibration::still_in_vibration;
 use super::quantities::{QuantityUnit, RecordOutcome, contribution, stated_contribution};
 use super::rest::InertialSensor;
 use super::sweep::{BandResponse, bands};
@@ -37,17 +39,23 @@ struct Response {
 /// The outcome of each record under sines.
 pub(super) fn measure(files: &mut InputFiles) -> Result<Vec<RecordOutcome>, CalibrationError> {
     let file = files.file;
-    files.each("sine", &file.sines, SineRecord::of_unit, |record, samples, _| {
+    files.each("sine", &file.sines, SineRecord::of_unit, |record, samples, shown| {
+        shown.push(parts(record, samples));
         Ok(outcome(record, samples, &responses(record, samples)?))
     })
 }
 
-fn responses(record: &SineRecord, samples: &UnitSamples) -> Result<Vec<Response>, CalibrationError> {
+/// What the sensor shows.
+fn sensor<'a>(record: &SineRecord, samples: &'a UnitSamples) -> Option<&'a [f64]> {
     let axis = record.axis.index();
-    let shown = match record.sensor {
+    match record.sensor {
         InertialSensor::Gyroscope => samples.rates()[axis],
         InertialSensor::Accelerometer => samples.forces()[axis],
-    };
+    }
+}
+
+fn responses(record: &SineRecord, samples: &UnitSamples) -> Result<Vec<Response>, CalibrationError> {
+    let shown = sensor(record, samples);
     let mut found = Vec::new();
     for segment in samples.recording.segments() {
         let of = |values: &[f64]| Some(values.get(segment.rows.clone())?.to_vec());
@@ -136,11 +144,11 @@ fn together(records: &[Response]) -> Response {
 
 const METHOD: &str = "Sines: at each frequency one sine of common frequency is fitted to the reference and to the sensor, which are sampled together, and \
     their quotient gives amplitude and phase (ISO 16063-21). Of several records at one frequency the scatter is the type A evaluation. The bandwidth is the \
-    frequency at which the amplitude falls to 0.707 of that at the lowest frequency, between neighbours on logarithmic scales.";
+    frequency at which the amplitude falls to 0.707 of that at the lowest frequency, on logarithmic scales by a polynomial through its neighbours.";
 
 const OF_SWEEP: &str = "Sweep: the transforms of the reference and of the sensor over each record, which begins and ends at rest, are divided in bands of a sixth of an \
     octave; in each the quotient is a parabola over the frequency, and what it leaves is the noise. Of several records the scatter is the type A evaluation. \
-    The bandwidth is the frequency at which the amplitude falls to 0.707 of that in the lowest band, between neighbours on logarithmic scales.";
+    The bandwidth is the frequency at which the amplitude falls to 0.707 of that in the lowest band, on logarithmic scales by a polynomial through its neighbours.";
 
 fn outcome(record: &SineRecord, samples: &UnitSamples, responses: &[Response]) -> RecordOutcome {
     let mut outcome = RecordOutcome::new(
@@ -191,7 +199,7 @@ fn outcome(record: &SineRecord, samples: &UnitSamples, responses: &[Response]) -
     }
     judge(&mut outcome, record, responses);
     outcome.tables.push(table(record, responses));
-    outcome.figures.push(figure(record, responses));
+    outcome.figures.push(figure(record, samples, responses));
     outcome
 }
 
@@ -211,7 +219,8 @@ fn amplitude_inputs(record: &SineRecord, response: &Response, amplitude: f64) ->
     inputs
 }
 
-/// Where the amplitude first falls to 1/√2 of the first one. A parabola through a third point says how far the straight line may be off.
+/// Where the amplitude first falls to 1/√2 of the first one: by the polynomial of the logarithm of the frequency through both neighbours and, where the
+/// amplitude falls there as well, one frequency more. What the one after that changes says how far it may be off.
 fn bandwidth(responses: &[Response]) -> Option<(f64, Vec<Input>)> {
     let first = responses.first()?;
     let level = FRAC_1_SQRT_2 * first.ratio.portable_norm();
@@ -224,15 +233,17 @@ fn bandwidth(responses: &[Response]) -> Option<(f64, Vec<Input>)> {
     };
     let ([high, from], [low, to]) = (log(before), log(after));
     let slope = (to - from) / (low - high);
-    let found = from - high * slope;
-    let value = found.portable_exp();
-    // Of the inverse parabola through one more point by the amplitudes.
-    let third = if before > 0 { before - 1 } else { after + 1 };
-    let curvature = (third < responses.len()).then(|| {
-        let [size, place] = log(third);
-        let further = ((place - to) / (size - low) - slope) / (size - high);
-        (further * high * low).abs()
-    });
+    let outer = [before.checked_sub(1), Some(after + 1).filter(|place| *place < responses.len())];
+    let is_falling =
+        |place: &usize| if *place < before { log(*place)[0] > high } else { log(*place)[0] < low };
+    let mut nodes = vec![[high, from], [low, to]];
+    let mut found = vec![from - high * slope];
+    for place in outer.into_iter().flatten().filter(is_falling) {
+        nodes.push(log(place));
+        found.push(at_zero(&nodes));
+    }
+    let used = found.len().saturating_sub(2);
+    let value = found[used].portable_exp();
     let share = -high / (low - high);
     let moved = |place: usize, part: f64| part * slope * responses[place].deviations[0] * value;
     let fewest =
@@ -241,14 +252,27 @@ fn bandwidth(responses: &[Response]) -> Option<(f64, Vec<Input>)> {
         .into_iter()
         .fold(0.0, f64::portable_hypot);
     let mut inputs = vec![contribution("amplitudes", size, fewest, Evaluation::A)];
-    let off = curvature.unwrap_or(0.5 * (to - from)) * value / 3.0_f64.sqrt();
+    let off = found.get(used + 1).map_or(0.5 * (to - from), |next| next - found[used]);
+    let off = off.abs() * value / 3.0_f64.sqrt();
     inputs.push(contribution("curvature between the frequencies", off, f64::INFINITY, Evaluation::B));
     value.is_finite().then_some((value, inputs))
 }
 
+/// The polynomial through these points at 0 (Neville).
+fn at_zero(points: &[[f64; 2]]) -> f64 {
+    let mut values: Vec<f64> = points.iter().map(|[_, y]| *y).collect();
+    for span in 1..points.len() {
+        for k in 0..points.len() - span {
+            let ([left, _], [right, _]) = (points[k], points[k + span]);
+            values[k] = (right * values[k] - left * values[k + 1]) / (right - left);
+        }
+    }
+    values[0]
+}
+
 fn judge(outcome: &mut RecordOutcome, record: &SineRecord, responses: &[Response]) {
     let Some(first) = responses.first() else { return };
-    let name = |what: &str| format!("sines `{}`: {what}", record.name);
+    let place = format!("sines `{}`", record.name);
     let follows = first.ratio.re > 0.5 * first.ratio.portable_norm()
         && (0.5..2.0).contains(&first.ratio.portable_norm());
     let found = format!(
@@ -257,7 +281,7 @@ fn judge(outcome: &mut RecordOutcome, record: &SineRecord, responses: &[Response
         first.ratio.portable_arg().to_degrees(),
         first.frequency_hz
     );
-    outcome.check(name("the sensor follows the reference at the lowest frequency"), follows, found.clone());
+    outcome.check(CheckKind::FollowedReference, &place, follows, found.clone());
     if !follows {
         outcome.warnings.push(format!(
             "sines `{}`: the sensor shows {found}: its sign is turned, another axis lies along that of the reference, or its unit is wrong; correct `axis`, \
@@ -270,7 +294,8 @@ fn judge(outcome: &mut RecordOutcome, record: &SineRecord, responses: &[Response
     }
     let distortion = responses.iter().map(|response| response.distortion).fold(0.0, f64::max);
     outcome.check(
-        name("the second and third harmonic of the reference are at most 5 % of it"),
+        CheckKind::ReferenceHarmonics,
+        &place,
         distortion <= DISTORTION,
         format!("{:.2} %", 100.0 * distortion),
     );
@@ -299,7 +324,33 @@ fn table(record: &SineRecord, responses: &[Response]) -> TextTable {
     table
 }
 
-fn figure(record: &SineRecord, responses: &[Response]) -> Figure {
+/// Reference and sensor with the parts in which both are still.
+fn parts(record: &SineRecord, samples: &UnitSamples) -> Figure {
+    let (what, factor) = match record.sensor {
+        InertialSensor::Gyroscope => (Axis::new("rate", "deg/s"), 1.0_f64.to_degrees()),
+        InertialSensor::Accelerometer => (Axis::new("acceleration", "m/s^2"), 1.0),
+    };
+    let columns = [("reference", Some(samples.further())), ("sensor", sensor(record, samples))];
+    let there = || columns.iter().filter_map(|(name, values)| Some((*name, (*values)?)));
+    let all: Vec<&[f64]> = there().map(|(_, values)| values).collect();
+    let still = still_in_vibration(&all, samples.time.interval_s);
+    let above = samples.panel_of_parts(
+        what,
+        there().map(|(name, values)| (name, values.iter().map(|value| factor * value).collect())),
+        "taken as still",
+        still.into_iter().map(|rows| (rows, 0.0)),
+    );
+    Figure::new(
+        format!("sine-{}", record.name),
+        format!("Sines: {}", record.name),
+        "The reference and the sensor with the parts in which both are still, the amplitude of the sensor by that of the reference, and the phase between \
+         them.",
+    )
+    .with(above)
+}
+
+/// The parts above the response.
+fn figure(record: &SineRecord, samples: &UnitSamples, responses: &[Response]) -> Figure {
     let panel = |name: &str, unit: &'static str, of: &dyn Fn(&Response) -> f64| {
         let points: Vec<(f64, f64)> =
             responses.iter().map(|response| (response.frequency_hz, of(response))).collect();
@@ -309,11 +360,7 @@ fn figure(record: &SineRecord, responses: &[Response]) -> Figure {
             points,
         ))
     };
-    Figure::new(
-        format!("sine-{}", record.name),
-        format!("Sines: {}", record.name),
-        "The amplitude of the sensor by that of the reference, and the phase between them.",
-    )
-    .with(panel("amplitude", "", &|response| response.ratio.portable_norm()))
-    .with(panel("phase", "deg", &|response| response.ratio.portable_arg().to_degrees()))
+    parts(record, samples)
+        .with(panel("amplitude", "", &|response| response.ratio.portable_norm()))
+        .with(panel("phase", "deg", &|response| response.ratio.portable_arg().to_degrees()))
 }

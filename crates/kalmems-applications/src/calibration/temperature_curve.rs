@@ -1,9 +1,11 @@
 //! Numbers over the temperature as polynomials or natural cubic splines, with intervals.
 
+use super::inputs::PROBABILITY;
 use super::linear_model::LinearModel;
 use super::quantities::QuantityUnit;
 use crate::config::{CurvePiece, TemperatureCurve};
 use crate::fit::{Fit, FitError};
+use crate::metrology::coverage_factor;
 use crate::units::name;
 
 /// Parameters of a curve at most.
@@ -181,8 +183,9 @@ impl<'a> FittedCurve<'a> {
         (value, self.inflation * variance.max(0.0).sqrt())
     }
 
-    /// The curve as a number with this name has it.
-    pub fn curve(&self, name: String, unit: &str, range_k: [f64; 2]) -> TemperatureCurve {
+    /// The curve as a number with this name has it. What is stated of all values alike, by the square of its expanded uncertainty, adds to that of the
+    /// scatter.
+    pub fn curve(&self, name: String, unit: &str, range_k: [f64; 2], stated: f64) -> TemperatureCurve {
         let parameters = self.fit.parameters.get(..self.basis.count()).unwrap_or_default();
         let pieces = match self.basis {
             CurveBasis::Polynomial { reference_k, .. } => {
@@ -190,7 +193,41 @@ impl<'a> FittedCurve<'a> {
             }
             CurveBasis::Spline { knots_k, .. } => natural_spline(knots_k, parameters),
         };
-        TemperatureCurve { name, unit: unit.to_owned(), range_k, pieces }
+        let mut expanded_square: Vec<CurvePiece> =
+            (0..pieces.len()).map(|piece| self.expanded_square(piece, pieces[piece].reference_k)).collect();
+        for constant in expanded_square.iter_mut().filter_map(|piece| piece.coefficients.first_mut()) {
+            *constant += stated;
+        }
+        TemperatureCurve { name, unit: unit.to_owned(), range_k, pieces, expanded_square }
+    }
+
+    /// The square of the expanded uncertainty by the scatter over one of the pieces: k²·Σ C_ij·a_i·a_j, a being the polynomials by which the parameters
+    /// are multiplied.
+    fn expanded_square(&self, piece: usize, reference_k: f64) -> CurvePiece {
+        let count = self.basis.count();
+        let factors: Vec<Vec<f64>> = match self.basis {
+            CurveBasis::Polynomial { .. } => (0..count)
+                .map(|power| (0..=power).map(|k| f64::from(u8::from(k == power))).collect())
+                .collect(),
+            CurveBasis::Spline { cardinal, .. } => cardinal
+                .iter()
+                .map(|own| own.get(piece).map_or(Vec::new(), |own| own.coefficients.clone()))
+                .collect(),
+        };
+        let k = coverage_factor(PROBABILITY, self.freedom as f64) * self.inflation;
+        let most = factors.iter().map(Vec::len).max().unwrap_or(1);
+        let mut coefficients = vec![0.0; 2 * most - 1];
+        for (i, a) in factors.iter().enumerate() {
+            for (j, b) in factors.iter().enumerate() {
+                let part = k * k * self.fit.covariance.get(i, j);
+                for (power, x) in a.iter().enumerate() {
+                    for (other, y) in b.iter().enumerate() {
+                        coefficients[power + other] += part * x * y;
+                    }
+                }
+            }
+        }
+        CurvePiece { reference_k, coefficients }
     }
 }
 

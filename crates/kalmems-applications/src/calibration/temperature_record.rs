@@ -1,10 +1,11 @@
-//! Bias at rest over a cycle of temperature, and scale factors at several temperatures, as polynomials or splines.
+//! Bias at rest over a cycle of temperature as polynomials or splines.
 
+use super::checks::CheckKind;
 use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::inputs::PROBABILITY;
 use super::motion::{RestMotion, RestPieces};
-use super::quantities::{CalibratedQuantity, QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter};
+use super::quantities::{QuantityUnit, RecordOutcome, STANDARD_GRAVITY, by_scatter};
 use super::rest::InertialSensor;
 use super::rest_record::{describe, figure_of_pieces};
 use super::rest_samples::RestSamples;
@@ -12,10 +13,10 @@ use super::rest_spectrum::RestSpectrum;
 use super::temperature_curve::{AtTemperature, CurveBasis, FittedCurve};
 use super::tone::AXES;
 use super::unit_record::UnitSamples;
-use crate::calibration::file::{CurveChoice, GyroscopeCalibration};
-use crate::config::{Key, Quantity};
+use crate::calibration::file::TemperatureDirection;
+use crate::config::Key;
 use crate::fit::FitError;
-use crate::metrology::{Evaluation, coverage_factor};
+use crate::metrology::coverage_factor;
 use kalmems_figures::{Axis, ColumnHead, Figure, Panel, Series, SeriesRole, TextTable};
 
 /// The order of a polynomial if nothing is stated.
@@ -27,22 +28,6 @@ const SHORTEST_BLOCK: usize = 8;
 const BLOCKS_PER_COEFFICIENT: usize = 4;
 /// The part of the range by which the temperature turns before its direction does.
 const TURN: f64 = 0.02;
-/// A direction of the temperature.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum TemperatureDirection {
-    Up,
-    Down,
-}
-
-impl TemperatureDirection {
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Up => "up",
-            Self::Down => "down",
-        }
-    }
-}
-
 /// The outcome of the record at rest during a cycle of temperature, if the file names one.
 pub(super) fn measure(files: &mut InputFiles) -> Result<Option<RecordOutcome>, CalibrationError> {
     let file = files.file;
@@ -116,7 +101,7 @@ fn look_for_motion(outcome: &mut RecordOutcome, files: &mut InputFiles, samples:
     } else {
         motions.join(" ")
     };
-    outcome.check("temperature: the unit is still during the cycle", motions.is_empty(), found);
+    outcome.check(CheckKind::StillCycle, "temperature", motions.is_empty(), found);
     outcome.warnings.extend(motions);
 }
 
@@ -132,23 +117,6 @@ struct TemperatureCycle<'a> {
     reference_k: f64,
     range: [f64; 2],
     basis: &'a CurveBasis,
-}
-
-impl CurveChoice {
-    /// The temperature from which a polynomial counts, and at which the hysteresis is stated.
-    fn reference_k(&self, [low, high]: [f64; 2]) -> f64 {
-        self.reference.as_ref().map_or(low.midpoint(high), Quantity::si)
-    }
-
-    fn basis(&self, range: [f64; 2], usual_order: usize) -> CurveBasis {
-        match self.knots {
-            Some(knots) => CurveBasis::spline(range, usize::from(knots)),
-            None => CurveBasis::Polynomial {
-                reference_k: self.reference_k(range),
-                order: self.order.map_or(usual_order, usize::from),
-            },
-        }
-    }
 }
 
 impl TemperatureCycle<'_> {
@@ -242,7 +210,7 @@ impl TemperatureCycle<'_> {
         let ways =
             legs.iter().map(|(direction, found)| (format!("{}_{}", self.name(), direction.name()), found));
         let curves = std::iter::once((self.name(), &both)).chain(ways);
-        let curves = curves.map(|(name, found)| found.curve(name, self.unit().unit, self.range));
+        let curves = curves.map(|(name, found)| found.curve(name, self.unit().unit, self.range, 0.0));
         outcome.compensation.extend(curves);
         outcome.tables.push(self.table(&legs));
         outcome.figures.push(self.figure(&all, &legs));
@@ -347,78 +315,6 @@ fn directions(blocks: &[AtTemperature], turn: f64) -> Vec<(AtTemperature, Temper
     }
     found
 }
-
-/// What of a record on a rate table becomes a curve over the temperature.
-const OVER_TEMPERATURE: [&str; 3] = ["scale_factor_", "bias_", "cross_axis_sensitivity_"];
-
-/// Scale factors, biases and cross-axis sensitivities of the records on a rate table at several temperatures: for each axis with enough of
-/// them a curve.
-pub(super) fn of_rates(
-    file: &GyroscopeCalibration,
-    rates: &[RecordOutcome],
-) -> Result<Option<RecordOutcome>, CalibrationError> {
-    let mut outcome = RecordOutcome::new("rates_over_temperature", "Rates over the temperature", OF_RATES);
-    let choice = file.rates_over_temperature.clone().unwrap_or_default();
-    for (index, axis) in AXES.into_iter().enumerate() {
-        let of_axis: Vec<(f64, &RecordOutcome)> = (file.rates.iter().zip(rates))
-            .filter(|(record, _)| record.axis.index() == index)
-            .filter_map(|(record, found)| Some((record.temperature.as_ref()?.si(), found)))
-            .collect();
-        let of_first = of_axis.first().map_or(&[][..], |(_, first)| &first.quantities);
-        for CalibratedQuantity { name, unit, budget, .. } in
-            of_first.iter().filter(|own| OVER_TEMPERATURE.iter().any(|kind| own.name.starts_with(kind)))
-        {
-            let found = |(temperature_k, record): &(f64, &RecordOutcome)| {
-                let value = record.estimate(name)?.value;
-                Some(AtTemperature { temperature_k: *temperature_k, value })
-            };
-            let values: Vec<AtTemperature> = of_axis.iter().filter_map(found).collect();
-            let range_k = values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], own| {
-                [low.min(own.temperature_k), high.max(own.temperature_k)]
-            });
-            let basis = choice.basis(range_k, if values.len() < 5 { 1 } else { 2 });
-            if values.len() <= basis.count() || range_k[1] - range_k[0] <= 0.0 {
-                if values.len() > 1 {
-                    outcome.not_observed.push(format!(
-                        "{} over the temperature: there are {} records, and the curve takes {}",
-                        name.replace('_', " "),
-                        values.len(),
-                        basis.count() + 1
-                    ));
-                }
-                continue;
-            }
-            let failed = |fault: FitError| CalibrationError::RecordFit {
-                place: format!("the rates of {axis}"),
-                fault,
-            };
-            let fitted = FittedCurve::of(&basis, &values).map_err(failed)?;
-            // What is stated of the table is common to all records, and no scatter of theirs.
-            let stated = budget.iter().filter(|input| input.evaluation == Evaluation::B);
-            for place in 0..basis.count() {
-                let parameter = fitted.fit.parameter(place);
-                let mut inputs = by_scatter(parameter.deviation, fitted.freedom);
-                inputs.extend(stated.clone().filter(|_| basis.is_shifted(place)).cloned());
-                outcome.push_known(
-                    format!("{name}_{}", basis.ending(place)),
-                    basis.unit(*unit, place),
-                    parameter.value,
-                    inputs,
-                );
-            }
-            // A cycle at rest tells the bias at more temperatures.
-            if name.starts_with("bias_") && file.temperature.is_some() {
-                continue;
-            }
-            outcome.compensation.push(fitted.curve(format!("gyroscope_{name}"), unit.unit, range_k));
-        }
-    }
-    let is_empty = outcome.quantities.is_empty() && outcome.not_observed.is_empty();
-    Ok((!is_empty).then_some(outcome))
-}
-
-const OF_RATES: &str = "Scale factors, biases and cross-axis sensitivities of records at several temperatures are fitted by a straight line over the \
-    temperature, from five records on by a parabola, or as the file states it; the scatter of the residuals is the type A evaluation.";
 
 #[cfg(test)]
 mod tests {

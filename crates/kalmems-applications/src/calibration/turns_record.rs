@@ -1,6 +1,7 @@
 //! Records in which the unit is turned by a known angle about one axis, and rests between the turns: the scale factor by the integrated rate.
 
-use super::earth::EARTH_RATE;
+use super::checks::CheckKind;
+use super::earth::earth_of_unknown_direction;
 use super::error::CalibrationError;
 use super::files::InputFiles;
 use super::linear_model::{LinearModel, residuals_left, standing_out};
@@ -33,8 +34,9 @@ struct Turn {
     times: f64,
     /// The integral of what each gyroscope shows beyond its bias in rad.
     angle: [Option<f64>; 3],
-    /// The standard deviations in rad that the means of both rests leave, by white noise, of the axis that turns.
-    by_rest: [f64; 2],
+    /// The standard deviations of these integrals in rad by white noise: what the means of both rests leave, and all.
+    by_rests: [[f64; 2]; 3],
+    by_noise: [f64; 3],
     duration_s: f64,
 }
 
@@ -84,9 +86,9 @@ fn measure_one(
         let model = LinearModel { terms: &terms, values: &values };
         let found = model.fit([true, has_both]).map_err(failed)?;
         let slope = found.parameter(SLOPE);
-        let mut inputs = by_scatter(slope.deviation, found.degrees_of_freedom);
+        let mut inputs =
+            turns.by_turns(axis, (slope.deviation, found.degrees_of_freedom), |turn| turn.times * angle);
         if axis == turns.main {
-            inputs.extend(turns.by_rests(|turn| turn.times * angle, 1.0));
             if let Some(stated) = &record.angle_uncertainty {
                 inputs.push(stated_contribution("angle", stated, slope.value / angle));
             }
@@ -99,8 +101,13 @@ fn measure_one(
             if has_both {
                 let part = 2.0 / slope.value;
                 let magnitude = found.parameter(MAGNITUDE);
-                let mut inputs = by_scatter(part.abs() * magnitude.deviation, found.degrees_of_freedom);
-                inputs.extend(turns.by_rests(|turn| turn.times.abs() * angle, part.abs()));
+                let mut inputs =
+                    turns.by_turns(axis, (magnitude.deviation, found.degrees_of_freedom), |turn| {
+                        turn.times.abs() * angle
+                    });
+                for input in &mut inputs {
+                    input.standard_uncertainty *= part.abs();
+                }
                 let unit = QuantityUnit { factor: 1e6, shown: "ppm", ..QuantityUnit::RATIO };
                 outcome.push_known(format!("asymmetry_{name}"), unit, part * magnitude.value, inputs);
             } else {
@@ -118,8 +125,7 @@ fn measure_one(
             }
             let longest =
                 turns.each.iter().map(|turn| turn.duration_s / turn.times.abs()).fold(0.0, f64::max);
-            let earth = EARTH_RATE / 3.0_f64.sqrt() * longest / angle;
-            inputs.push(contribution("Earth's rotation", earth, f64::INFINITY, Evaluation::B));
+            inputs.push(earth_of_unknown_direction(longest / angle));
             let name = format!("cross_axis_sensitivity_{name}{}", AXES[turns.main]);
             outcome.push_known(name, QuantityUnit::RATIO, slope.value, inputs);
         }
@@ -147,7 +153,7 @@ impl Turns {
                     let values = rates[axis]?.get(rest.clone())?;
                     let mean = values.iter().sum::<f64>() / values.len() as f64;
                     let square: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
-                    Some((mean, square.sqrt() / values.len() as f64))
+                    Some((mean, square / values.len() as f64, values.len() as f64))
                 };
                 let duration_s = rows.len() as f64 * samples.time.interval_s;
                 let angle = std::array::from_fn(|axis| {
@@ -155,13 +161,21 @@ impl Turns {
                     let sum: f64 = rates[axis]?.get(rows.clone())?.iter().sum();
                     Some(sum * samples.time.interval_s - bias * duration_s)
                 });
-                let by_rest = [&pair[0], &pair[1]].map(|rest| {
-                    moments(found.main, rest).map_or(0.0, |(_, deviation)| 0.5 * deviation * duration_s)
+                let by_rests: [[f64; 2]; 3] = std::array::from_fn(|axis| {
+                    let of = |rest| moments(axis, rest).map_or(0.0, |(_, variance, count)| variance / count);
+                    [&pair[0], &pair[1]].map(|rest| 0.5 * duration_s * of(rest).sqrt())
+                });
+                let by_noise = std::array::from_fn(|axis| {
+                    let each = [&pair[0], &pair[1]]
+                        .map(|rest| moments(axis, rest).map_or(0.0, |(_, variance, _)| variance));
+                    let [before, after] = by_rests[axis];
+                    let sum = rows.len() as f64 * samples.time.interval_s.powi(2) * each[0].midpoint(each[1]);
+                    (sum + before * before + after * after).sqrt()
                 });
                 let Some(turned) = angle[found.main].filter(|turned| turned.is_finite()) else { continue };
                 let times = (turned / record.angle.si()).round();
                 if times != 0.0 {
-                    found.each.push(Turn { rows, times, angle, by_rest, duration_s });
+                    found.each.push(Turn { rows, times, angle, by_rests, by_noise, duration_s });
                 }
             }
             found.rests.extend(rests);
@@ -169,16 +183,30 @@ impl Turns {
         found
     }
 
-    /// What the mean of a rest adds to a slope over this term because the turns before and after share it, times a factor; what turns to and fro have less
-    /// than their scatter shows is left as it is.
-    fn by_rests(&self, term: impl Fn(&Turn) -> f64, factor: f64) -> Option<Input> {
+    /// The inputs of a parameter that counts this term of each turn, from its standard deviation by the scatter and the degrees of freedom. The mean of a rest
+    /// is in the turns before and after it: their errors by white noise add up in turns to one side, and cancel in part in turns to and fro.
+    fn by_turns(
+        &self,
+        axis: usize,
+        (deviation, freedom): (f64, usize),
+        term: impl Fn(&Turn) -> f64,
+    ) -> Vec<Input> {
         let shared =
             self.each.windows(2).filter(|pair| self.rests.contains(&(pair[0].rows.end..pair[1].rows.start)));
-        let products =
-            shared.map(|pair| term(&pair[0]) * term(&pair[1]) * pair[0].by_rest[1] * pair[1].by_rest[0]);
+        let products = shared.map(|pair| {
+            term(&pair[0]) * term(&pair[1]) * pair[0].by_rests[axis][1] * pair[1].by_rests[axis][0]
+        });
         let squares: f64 = self.each.iter().map(|turn| term(turn).powi(2)).sum();
-        let size = factor * (2.0 * products.sum::<f64>()).max(0.0).sqrt() / squares;
-        (size > 0.0).then(|| contribution("bias at rest", size, f64::INFINITY, Evaluation::A))
+        let covariance = 2.0 * products.sum::<f64>() / squares.powi(2);
+        if covariance > 0.0 {
+            let mut inputs = by_scatter(deviation, freedom);
+            inputs.push(contribution("bias at rest", covariance.sqrt(), f64::INFINITY, Evaluation::A));
+            return inputs;
+        }
+        let noise = self.each.iter().map(|turn| (term(turn) * turn.by_noise[axis]).powi(2));
+        // A scatter that is less than the noise has the same part of it in common.
+        let all = deviation.powi(2).max(noise.sum::<f64>() / squares.powi(2)).max(f64::MIN_POSITIVE);
+        by_scatter(deviation * (1.0 + covariance / all).max(0.0).sqrt(), freedom)
     }
 
     fn judge(
@@ -200,16 +228,13 @@ impl Turns {
                 samples.time_s(self.each[*place].rows.start)
             ));
         }
-        let name = |what: &str| format!("turns `{}`: {what}", record.name);
-        outcome.check(
-            name("each turn is one by the stated angle or a multiple of it"),
-            far.is_empty(),
-            residuals_left(found, "rad"),
-        );
+        let place = format!("turns `{}`", record.name);
+        outcome.check(CheckKind::StatedTurns, &place, far.is_empty(), residuals_left(found, "rad"));
         let part = |turn: &Turn| turn.angle[self.main].unwrap_or(0.0) / angle;
         let whole = self.each.iter().map(|turn| (part(turn) - turn.times).abs()).fold(0.0, f64::max);
         outcome.check(
-            name("the integrals are near to multiples of the angle"),
+            CheckKind::WholeTurns,
+            &place,
             whole <= WHOLE,
             format!("{whole:.3} of the angle off at most"),
         );
@@ -218,7 +243,8 @@ impl Turns {
         let others: Vec<&str> =
             (0..3).filter(|other| sum(*other) > sum(self.main)).map(|other| AXES[other]).collect();
         outcome.check(
-            name("the unit turns about the stated axis"),
+            CheckKind::AxisOfTurns,
+            &place,
             others.is_empty(),
             if others.is_empty() {
                 format!("about {axis}")

@@ -29,6 +29,20 @@ fn at_rest(amplitude: f64, text: &str) -> Calibration {
     calibrate(&GyroscopeCalibration::parse(text, &folder.path().join("rest.toml")).unwrap(), &Silent).unwrap()
 }
 
+/// A unit that vibrates with this amplitude.
+pub fn vibrating(amplitude: f64) -> Calibration {
+    let folder = tempfile::tempdir().unwrap();
+    let mut noise = Noise::new(8);
+    let mut rows = "gz_rad_per_s\n".to_owned();
+    for k in 0..8192 {
+        writeln!(rows, "{:.8}", amplitude * (1.1 * f64::from(k)).sin() + 3e-3 * noise.normal()).unwrap();
+    }
+    fs::write(folder.path().join("rest.csv"), rows).unwrap();
+    let text = format!("{FILE}{STATED}");
+    calibrate(&GyroscopeCalibration::parse(&text, &folder.path().join("rest.toml")).unwrap(), &Silent)
+        .unwrap()
+}
+
 #[test]
 fn the_method_on_a_certificate_is_the_one_that_gave_the_number() {
     let fitted = at_rest(0.0, FILE);
@@ -64,16 +78,7 @@ fn one_question_or_one_failed_check_keeps_a_certificate_a_draft() {
         let html = certificate_page(&certificate, &found, &[]).to_html().unwrap();
         assert!(html.contains("A draft, not a certificate"), "{key}");
     }
-    // A unit that vibrates.
-    let folder = tempfile::tempdir().unwrap();
-    let mut noise = Noise::new(8);
-    let mut rows = "gz_rad_per_s\n".to_owned();
-    for k in 0..8192 {
-        writeln!(rows, "{:.8}", 2e-3 * (1.1 * f64::from(k)).sin() + 3e-3 * noise.normal()).unwrap();
-    }
-    fs::write(folder.path().join("rest.csv"), rows).unwrap();
-    let file = GyroscopeCalibration::parse(&all, &folder.path().join("rest.toml")).unwrap();
-    let moving = calibrate(&file, &Silent).unwrap();
+    let moving = vibrating(2e-3);
     let certificate = Certificate::of(&moving);
     assert!(!certificate.valid && certificate.not_stated.is_empty());
     let html = certificate_page(&certificate, &moving, &[]).to_html().unwrap();

@@ -25,11 +25,21 @@ fn calibrated(name: &str) -> Calibration {
     calibrate(&file, &Silent).unwrap()
 }
 
+/// The example of a gyroscope, with parts of its file replaced.
+pub fn gyroscope(changes: &[[&str; 2]]) -> Calibration {
+    let path = folder("../../examples/gyroscope/calibration.toml");
+    let mut text = std::fs::read_to_string(&path).unwrap();
+    for [from, to] in changes {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    calibrate(&GyroscopeCalibration::parse(&text, &path).unwrap(), &Silent).unwrap()
+}
+
 /// A rectangular lever arm is the largest input of the shipped example: the trials' interval is stated, and the check of the trials passes.
 #[test]
 fn the_example_of_a_gyroscope_states_the_interval_of_the_trials() {
-    let file = GyroscopeCalibration::load(&folder("../../examples/gyroscope/calibration.toml")).unwrap();
-    let found = calibrate(&file, &Silent).unwrap();
+    let found = gyroscope(&[]);
     let result = &found.results[0];
     let check = result.cross_check.as_ref().unwrap();
     assert!(
@@ -148,16 +158,24 @@ fn the_turns_and_the_sweep_agree_with_numpy_and_with_the_truth() {
     assert!(all > 20 && held as f64 > 0.85 * f64::from(all), "{held} of {all}");
 }
 
-/// What Kalibr reads: the noise that the Python program put in, to the interval of the fit.
+/// Writes a calibration into a folder.
+fn write(found: &Calibration, out: &Path) {
+    let output = Output::begin(out, &Work::named("calibrate gyro", "unit")).unwrap();
+    let info = RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO };
+    write_calibration(found, &output, info).unwrap();
+    output.commit().unwrap();
+}
+
+/// What Kalibr reads: the noise that the Python program put in, to the interval of the fit. It is written if the file asks for it.
 #[test]
-fn the_noise_at_rest_is_written_as_a_unit_file_of_kalibr() {
-    let (found, independent) = (calibrated("unit.toml"), independent());
+fn the_noise_at_rest_is_written_as_a_unit_file_of_kalibr_on_request() {
+    let (mut found, independent) = (calibrated("unit.toml"), independent());
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
-    let output = Output::begin(&out, &Work::named("calibrate gyro", "unit")).unwrap();
-    write_calibration(&found, &output, RunInfo { started: SystemTime::UNIX_EPOCH, took: Duration::ZERO })
-        .unwrap();
-    output.commit().unwrap();
+    write(&found, &out);
+    found.file.rest.as_mut().unwrap().noise_yaml = false;
+    write(&found, &folder.path().join("without"));
+    assert!(!folder.path().join("without/imu.yaml").exists());
     let yaml = std::fs::read_to_string(out.join("imu.yaml")).unwrap();
     let value = |key: &str| -> f64 {
         let line = yaml.lines().find(|line| line.starts_with(key)).unwrap();

@@ -3,6 +3,8 @@
 #![allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)] // small positive counts
 
 mod certificate;
+mod checks;
+mod coverage;
 mod example;
 mod measured;
 mod positions;
@@ -13,3 +15,4 @@ mod sine;
 mod temperature;
 mod times;
 mod turns;
+mod vibration;

@@ -1,5 +1,6 @@
 //! Multi-position calibration without a table.
 
+use super::coverage::assert_95_of_100;
 use super::simulated::{GRAVITY, Noise, TURNS, Turns, UNIT, Unit, Vector, dot, frame, scales_and_angles};
 use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::{
@@ -82,17 +83,10 @@ fn positions_give_both_sensors_with_intervals_that_hold_what_was_simulated() {
 }
 
 #[test]
-#[ignore = "200 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
+#[ignore = "400 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
 fn slow_intervals_by_positions_hold_95_of_100() {
-    let held = coverage(1000..1200);
-    for (name, held) in &held {
-        println!("{name}: {held} of 200");
-    }
-    // Fewer than 180 of 200 come once in 1000 times.
-    assert!(held.values().all(|held| *held >= 180), "{held:?}");
-    let all: usize = held.values().sum();
-    let part = all as f64 / (200.0 * held.len() as f64);
-    assert!((0.94..0.97).contains(&part), "{part}");
+    let held = coverage(1000..1400);
+    assert_95_of_100("positions", held, 400);
 }
 
 /// The diagonal of the covariance matrix is that of the standard uncertainties, and the errors of many records have its covariances.
@@ -210,12 +204,11 @@ fn exchanged_and_turned_axes_are_named_and_not_certified() {
     }
 }
 
-#[test]
-fn a_unit_that_moved_in_a_position_is_named_with_its_time() {
+/// A unit that shows a force that is 1 % too large in the seventh position.
+pub fn moved_in_a_position() -> Calibration {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("positions.csv");
     UNIT.write_positions(&path, &TURNS, 5);
-    // In the seventh position the unit shows a force that is 1 % too large.
     let text = std::fs::read_to_string(&path).unwrap();
     let row = |position: usize| 1 + position * 320;
     let changed: Vec<String> = text
@@ -232,7 +225,18 @@ fn a_unit_that_moved_in_a_position_is_named_with_its_time() {
         .collect();
     std::fs::write(&path, changed.join("\n")).unwrap();
     let file = GyroscopeCalibration::parse(FILE, &folder.path().join("unit.toml")).unwrap();
-    let found = calibrate(&file, &Silent).unwrap();
+    calibrate(&file, &Silent).unwrap()
+}
+
+/// A unit in usual positions, with further keys of its third gyroscope.
+pub fn usual(keys: &str) -> Calibration {
+    let third = format!("z = {{ column = \"gz_rad_per_s\"{keys} }}");
+    calibrated(&UNIT, &TURNS, 4, &FILE.replace("z = \"gz_rad_per_s\"", &third)).unwrap()
+}
+
+#[test]
+fn a_unit_that_moved_in_a_position_is_named_with_its_time() {
+    let found = moved_in_a_position();
     let warnings = record(&found).warnings.join("\n");
     assert!(warnings.contains("position 7 at 19.") && warnings.contains("may have moved"), "{warnings}");
     assert!(!Certificate::of(&found).valid);
@@ -306,21 +310,37 @@ fn circles() -> Vec<Vector> {
         .collect()
 }
 
-/// IEEE Std 1293: the terms of second and third order from stated attitudes; 60 intervals of 95 %, of which 51 or fewer hold once in 700 times.
-#[test]
-fn known_attitudes_give_the_terms_of_second_and_third_order() {
-    let (attitudes, mut held) = (circles(), 0);
-    for seed in 0..10 {
-        let found = tumbled(&attitudes, 900 + seed);
+/// How often the terms of second and third order of each accelerometer are in their intervals.
+fn tumbles_held(seeds: std::ops::Range<u64>) -> BTreeMap<String, usize> {
+    let (attitudes, mut held) = (circles(), BTreeMap::new());
+    for seed in seeds {
+        let found = tumbled(&attitudes, seed);
         for (axis, [_, scale, square, cube]) in ["x", "y", "z"].into_iter().zip(TUMBLED) {
-            for (name, value) in [("second", square), ("third", cube)] {
-                let of = record(&found).estimate(&format!("accelerometer_{name}_order_{axis}")).unwrap();
-                held += usize::from((of.interval[0]..of.interval[1]).contains(&(value / scale)));
-                assert!(of.expanded() < 0.5 * value.abs(), "{name} {axis}: {of:?}");
+            for (order, value) in [("second", square), ("third", cube)] {
+                let name = format!("accelerometer_{order}_order_{axis}");
+                let of = record(&found).estimate(&name).unwrap();
+                let [low, high] = of.interval;
+                assert!(low < of.value && of.value < high, "{name}: {of:?}");
+                // An interval as wide as twice the number would hold it whatever is found.
+                assert!(of.expanded() < value.abs(), "{name}: {of:?}");
+                *held.entry(name).or_default() += usize::from((low..high).contains(&(value / scale)));
             }
         }
     }
+    held
+}
+
+/// IEEE Std 1293: the terms of second and third order from stated attitudes; 60 intervals of 95 %, of which 51 or fewer hold once in 700 times.
+#[test]
+fn known_attitudes_give_the_terms_of_second_and_third_order() {
+    let held: usize = tumbles_held(900..910).values().sum();
     assert!(held > 51, "{held}");
+}
+
+#[test]
+#[ignore = "200 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
+fn slow_intervals_by_known_attitudes_hold_95_of_100() {
+    assert_95_of_100("attitudes", tumbles_held(1000..1200), 200);
 }
 
 /// An axis that is only level or 45° to either side has no term of third order: it is named, those of the other axes stay.
@@ -339,4 +359,81 @@ fn attitudes_that_do_not_determine_a_term_are_named() {
     assert!(record.estimate("accelerometer_third_order_z").is_some());
     let missing = |part: &str| record.not_observed.iter().any(|why| why.contains(part));
     assert!(missing("the term of third order of the accelerometer x"), "{:?}", record.not_observed);
+}
+
+/// Of the accelerometers by K and about 300 K: scale factors, angles and biases.
+const BY_KELVIN: [f64; 3] = [8e-5, -4e-5, 6e-4];
+
+/// The unit at a temperature: the diagonal and the off-diagonal entries of the accelerometers' matrix, and their biases.
+fn at_kelvin(kelvin: f64) -> Unit {
+    let off = kelvin - 300.0;
+    let mut unit = UNIT;
+    for (i, row) in unit.accelerometers.iter_mut().enumerate() {
+        for (j, entry) in row.iter_mut().enumerate() {
+            *entry += off * BY_KELVIN[usize::from(i != j)];
+        }
+    }
+    unit.accelerometer_bias = unit.accelerometer_bias.map(|bias| bias + off * BY_KELVIN[2]);
+    unit
+}
+
+const KELVIN: [f64; 6] = [270.0, 282.0, 294.0, 306.0, 318.0, 330.0];
+
+/// The accelerometers of the unit in positions at six temperatures.
+fn at_temperatures(seed: u64) -> Calibration {
+    let folder = tempfile::tempdir().unwrap();
+    let gyroscopes = "channels = { x = \"gx_rad_per_s\", y = \"gy_rad_per_s\", z = \"gz_rad_per_s\" }\n";
+    let mut text = FILE.replace(gyroscopes, "").split("[positions]").next().unwrap().to_owned();
+    for (place, kelvin) in KELVIN.into_iter().enumerate() {
+        let (file, table) =
+            (format!("{kelvin}.csv"), if place == 0 { "[positions]" } else { "[[further_positions]]" });
+        at_kelvin(kelvin).write_positions(&folder.path().join(&file), &TURNS, 10 * seed + place as u64);
+        text += &format!(
+            "{table}\nfile = \"{file}\"\ngravity = \"9.80665 m/s^2\"\ntemperature = \"{kelvin} K\"\n"
+        );
+    }
+    text += "[positions_over_temperature]\norder = 1\nreference = \"300 K\"\n";
+    calibrate(&GyroscopeCalibration::parse(&text, &folder.path().join("unit.toml")).unwrap(), &Silent)
+        .unwrap()
+}
+
+/// How often the lines over the temperature hold the value at 300 K and the slope that was put in.
+fn temperatures_held(seeds: std::ops::Range<u64>) -> BTreeMap<String, usize> {
+    let mut held = BTreeMap::new();
+    let [cold, warm] = [299.0, 301.0].map(|kelvin| truth(&at_kelvin(kelvin), &TURNS, true));
+    for seed in seeds {
+        let found = at_temperatures(seed);
+        let over = found.records.iter().find(|record| record.kind == "positions_over_temperature").unwrap();
+        assert_eq!(over.compensation.len(), 9);
+        for (name, value) in
+            truth(&UNIT, &TURNS, true).into_iter().filter(|(name, _)| name.starts_with("acc"))
+        {
+            for (ending, value) in [("0", value), ("1", 0.5 * (warm[&name] - cold[&name]))] {
+                let name = format!("{name}_{ending}");
+                let estimate =
+                    over.estimate(&name).unwrap_or_else(|| panic!("{name}: {:?}", over.not_observed));
+                let [low, high] = estimate.interval;
+                assert!(low < estimate.value && estimate.value < high, "{name} {estimate:?}");
+                *held.entry(name).or_default() += usize::from(low <= value && value <= high);
+            }
+        }
+    }
+    held
+}
+
+#[test]
+fn positions_at_several_temperatures_give_accelerometers_over_the_temperature() {
+    let held = temperatures_held(0..8);
+    // Four or fewer of eight come once in 2700 times for one number.
+    assert!(held.len() == 18 && held.values().all(|held| *held >= 5), "{held:?}");
+    let without = FILE.to_owned() + "[[further_positions]]\nfile = \"b.csv\"\ngravity = \"9.8 m/s^2\"\n";
+    let said =
+        GyroscopeCalibration::parse(&without, std::path::Path::new("unit.toml")).unwrap_err().to_string();
+    assert!(said.contains("several records of positions") && said.contains("`temperature`"), "{said}");
+}
+
+#[test]
+#[ignore = "1200 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
+fn slow_intervals_of_positions_over_the_temperature_hold_95_of_100() {
+    assert_95_of_100("positions over the temperature", temperatures_held(1000..1200), 200);
 }

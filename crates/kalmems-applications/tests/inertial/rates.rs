@@ -1,5 +1,6 @@
 //! Steps of a rate table.
 
+use super::coverage::assert_95_of_100;
 use super::simulated::{Noise, Vector};
 use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::{
@@ -160,11 +161,7 @@ fn steps_give_scale_factor_nonlinearity_hysteresis_and_cross_axis_sensitivity() 
 #[test]
 #[ignore = "200 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
 fn slow_intervals_by_steps_hold_95_of_100() {
-    let held = coverage(1000..1200);
-    println!("{held:?} of 200");
-    assert!(held.values().all(|held| (180..=199).contains(held)), "{held:?}");
-    let part = held.values().sum::<usize>() as f64 / (200.0 * held.len() as f64);
-    assert!((0.935..0.975).contains(&part), "{part}");
+    assert_95_of_100("steps", coverage(1000..1200), 200);
 }
 
 /// The sensitivity of the main axis to the specific force, in rad/s by m/s²; the other axes have none.
@@ -227,9 +224,7 @@ fn an_upside_down_mounting_gives_the_sensitivity_to_the_specific_force() {
 #[test]
 #[ignore = "400 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
 fn slow_intervals_by_mountings_hold_95_of_100() {
-    let held = mounted(1000..1200);
-    println!("{held:?} of 200");
-    assert!(held.values().all(|held| (180..=199).contains(held)), "{held:?}");
+    assert_95_of_100("mountings", mounted(1000..1200), 200);
 }
 
 #[test]
@@ -316,21 +311,48 @@ fn turned_saturated_and_too_few_steps_are_named_and_none_is_certified() {
     assert!(record.estimate("scale_factor_z").is_some() && record.estimate("bias_z").is_some());
 }
 
-/// A low pass of 0.12 s: what it still follows of the rate before looks like hysteresis, until that time is left out.
+/// A low pass of 0.12 s, with further keys of the record.
+pub fn slow(keys: &str) -> Calibration {
+    let slow = Gyroscope { lag: 12.0, hysteresis: 0.0, ..GYROSCOPE };
+    let text = FILE.replace("table = ", &format!("shortest = \"0.5 s\"\n{keys}table = "));
+    calibrated(&slow, &staircase(), 41, &text).unwrap()
+}
+
+/// What it still follows of the rate before looks like hysteresis, until that time is left out.
 #[test]
 fn a_slow_gyroscope_is_named_and_is_right_once_its_settling_is_left_out() {
-    let slow = Gyroscope { lag: 12.0, hysteresis: 0.0, ..GYROSCOPE };
-    let check = |text: &str| {
-        let folder = tempfile::tempdir().unwrap();
-        slow.write(&folder.path().join("rates.csv"), &staircase(), 41);
-        let file = GyroscopeCalibration::parse(text, &folder.path().join("table.toml")).unwrap();
-        let found = calibrate(&file, &Silent).unwrap();
+    let check = |keys: &str| {
+        let found = slow(keys);
         let [record] = &found.records[..] else { panic!("{:?}", found.records) };
         let settled = record.checks.iter().find(|check| check.what.contains("has settled")).unwrap();
         let [low, high] = record.estimate("hysteresis_z").unwrap().interval;
         (settled.passes, low < 0.0 && 0.0 < high)
     };
-    let of = |keys: &str| check(&FILE.replace("table = ", &format!("shortest = \"0.5 s\"\n{keys}table = ")));
-    assert_eq!(of(""), (false, false));
-    assert_eq!(of("settling = \"0.9 s\"\n"), (true, true));
+    assert_eq!(check(""), (false, false));
+    assert_eq!(check("settling = \"0.9 s\"\n"), (true, true));
+}
+
+/// The gyroscope of this axis on a table about z.
+pub fn about(axis: &str) -> Calibration {
+    let text = FILE.replace("axis = \"z\"", &format!("axis = \"{axis}\""));
+    calibrated(&GYROSCOPE, &staircase(), 3, &text).unwrap()
+}
+
+/// One step at which the gyroscope of z shows this much more, in rad/s.
+pub fn with_a_disturbed_step(more: f64) -> Calibration {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rates.csv");
+    GYROSCOPE.write(&path, &staircase(), 3);
+    // The first rate is held for the first rows; each later one after a ramp.
+    let step = 1 + HOLD + 9 * (RAMP + HOLD) + RAMP;
+    let written = fs::read_to_string(&path).unwrap();
+    let lines = written.lines().enumerate().map(|(row, line)| match line.rsplit_once(',') {
+        Some((before, last)) if (step..step + HOLD).contains(&row) => {
+            format!("{before},{:.7}\n", last.parse::<f64>().unwrap() + more)
+        }
+        _ => format!("{line}\n"),
+    });
+    fs::write(&path, lines.collect::<String>()).unwrap();
+    let file = GyroscopeCalibration::parse(FILE, &folder.path().join("table.toml")).unwrap();
+    calibrate(&file, &Silent).unwrap()
 }

@@ -7,7 +7,7 @@ use kalmems_applications::calibration::{
     calibration_figures,
 };
 use kalmems_engines::progress::Silent;
-use kalmems_figures::{SeriesRole, Shape};
+use kalmems_figures::{Panel, SeriesRole, Shape};
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs;
@@ -206,6 +206,51 @@ fn the_still_and_the_moving_parts_of_a_record_at_rest_are_drawn() {
     assert!(spans(SeriesRole::Bound).is_empty());
 }
 
+/// The records of a condition and of sines are drawn with their still parts, also if they are refused.
+#[test]
+fn records_under_vibration_are_drawn_with_their_still_parts() {
+    let found = upright();
+    let figures = calibration_figures(&found);
+    let drawn = figures.iter().find(|figure| figure.id == "parts-room").unwrap();
+    // Twelve records of three axes, none of them still.
+    assert_eq!(drawn.panels[0].series.len(), 36);
+    let folder = tempfile::tempdir().unwrap();
+    let mut noise = Noise::new(38);
+    let (mut shown, mut reference) = ("record,x\n".to_owned(), "record,rx\n".to_owned());
+    for k in 0..6000 {
+        // At rest for three seconds before the sine.
+        let rate = if k < 3000 { 0.0 } else { (TAU * 50.0 * f64::from(k) / 1000.0).sin() };
+        writeln!(shown, "a,{:.7}", rate + 1e-3 * noise.normal()).unwrap();
+        writeln!(reference, "a,{:.7}", rate + 1e-3 * noise.normal()).unwrap();
+    }
+    fs::write(folder.path().join("g.csv"), shown).unwrap();
+    fs::write(folder.path().join("r.csv"), reference).unwrap();
+    let text = "name = \"c\"\n[sensor]\nrate = \"1 kHz\"\nclock_tolerance = \"1 %\"\nchannels = { x = { column = \"x\", unit = \"rad/s\" } }\n\
+        [[condition]]\nname = \"room\"\nfile = \"g.csv\"\nsegments = { column = \"record\" }\n\
+        [[condition.reference]]\nname = \"table\"\nfile = \"r.csv\"\nsegments = { column = \"other\" }\n\
+        clock = { rate = \"1 kHz\" }\nchannels = { x = { column = \"rx\", unit = \"rad/s\" } }\n";
+    let file = GyroscopeCalibration::parse(text, &folder.path().join("file.toml")).unwrap();
+    let mut parts = Vec::new();
+    assert!(calibrate_with_parts(&file, &Silent, &mut parts).is_err());
+    let still = lines_of_estimates(&parts[0].panels[0]);
+    let [[from, to]] = still[..] else { panic!("{still:?}") };
+    assert!(from < 0.1 && (2.9..3.001).contains(&to), "{from} {to}");
+    // The example's sweep rests at its beginning and its end.
+    let text = fs::read_to_string(inertial_unit().join("motion.toml")).unwrap();
+    let figures = calibration_figures(&calibrated(&text, &inertial_unit()).unwrap());
+    let still = lines_of_estimates(&figures.iter().find(|figure| figure.id == "sine-x").unwrap().panels[0]);
+    let [[first, start], [end, last]] = still[..] else { panic!("{still:?}") };
+    assert!(first < 0.1 && start < 0.6 && end > 11.5 && last > 12.8, "{still:?}");
+}
+
+/// From where to where the lines of the parts that were taken go.
+fn lines_of_estimates(panel: &Panel) -> Vec<[f64; 2]> {
+    let of_role = panel.series.iter().filter(|series| series.role() == SeriesRole::Estimate);
+    let lines =
+        of_role.filter_map(|series| if let Shape::Line(line) = series.shape() { Some(line) } else { None });
+    lines.flatten().map(|points| [points[0][0], points[points.len() - 1][0]]).collect()
+}
+
 /// Several files of one unit are pooled; a name that is not there is named with those that are.
 #[test]
 fn records_at_rest_in_several_files_are_pooled() {
@@ -308,7 +353,7 @@ fn a_line_in_a_record_at_rest_is_subtracted_where_that_is_asked_for() {
 }
 
 /// The unit is shaken about x and y, beside a reference whose second axis is turned towards the first by this angle, and lies in positions.
-fn shaken_and_in_positions(angle: f64) -> Calibration {
+pub fn shaken_and_in_positions(angle: f64) -> Calibration {
     let folder = tempfile::tempdir().unwrap();
     let mut noise = Noise::new(15);
     UNIT.write_positions(&folder.path().join("positions.csv"), &TURNS, 15);
@@ -362,22 +407,26 @@ fn a_reference_whose_axes_are_not_square_is_named_where_positions_tell_the_angle
 }
 
 /// Amplitudes about x, y and z of one record in rad/s, its frequency in Hz, and what all axes show times the rate of the case.
-struct Shaken {
-    rates: [f64; 3],
-    frequency: f64,
-    gain: f64,
+pub struct Shaken {
+    pub rates: [f64; 3],
+    pub frequency: f64,
+    pub gain: f64,
+    /// The second harmonic of the motion by its amplitude.
+    pub harmonic: f64,
 }
 
-/// A unit that shows `matrix` times the rates of a table in each of these records.
-fn shaken(matrix: [[f64; 3]; 3], records: &[Shaken], uncertainty: &str, seed: u64) -> Calibration {
-    let folder = tempfile::tempdir().unwrap();
+/// Writes what a unit with this matrix and a table show in each of these records.
+fn write_shaken(folder: &Path, matrix: [[f64; 3]; 3], records: &[Shaken], seed: u64) {
     let mut noise = Noise::new(seed);
     let mut shown = "record,x,y,z\n".to_owned();
     let mut reference = "record,rx,ry,rz\n".to_owned();
-    for (record, Shaken { rates, frequency, gain }) in records.iter().enumerate() {
+    for (record, Shaken { rates, frequency, gain, harmonic }) in records.iter().enumerate() {
         let [a, b] = [0, 1].map(|_| TAU * noise.uniform());
         for k in 0..1000 {
-            let at = |rate: f64, start: f64| (TAU * frequency * f64::from(k) / rate + start).cos();
+            let at = |rate: f64, start: f64| {
+                let turn = TAU * frequency * f64::from(k) / rate + start;
+                turn.cos() + harmonic * (2.0 * turn).cos()
+            };
             let axes = matrix.map(|row| {
                 let rate: f64 = row.iter().zip(rates).map(|(entry, rate)| entry * rate).sum();
                 gain * rate * at(1000.0, a) + 1e-4 * noise.normal()
@@ -387,33 +436,108 @@ fn shaken(matrix: [[f64; 3]; 3], records: &[Shaken], uncertainty: &str, seed: u6
             writeln!(reference, "r{record},{:.7},{:.7},{:.7}", known[0], known[1], known[2]).unwrap();
         }
     }
-    fs::write(folder.path().join("g.csv"), shown).unwrap();
-    fs::write(folder.path().join("r.csv"), reference).unwrap();
-    let channels = |names: [&str; 3]| {
-        let [x, y, z] = names;
-        format!(
-            "{{ x = {{ column = \"{x}\", unit = \"rad/s\" }}, y = {{ column = \"{y}\", unit = \"rad/s\" }}, z = {{ column = \"{z}\", unit = \"rad/s\" }} }}"
-        )
-    };
+    fs::write(folder.join("g.csv"), shown).unwrap();
+    fs::write(folder.join("r.csv"), reference).unwrap();
+}
+
+/// Three columns in rad/s, those of a reference times a factor.
+fn channels(names: [&str; 3], factor: f64) -> String {
+    let each = ["x", "y", "z"].into_iter().zip(names).map(|(axis, name)| {
+        format!("{axis} = {{ column = \"{name}\", unit = \"rad/s\", scale = {factor} }}")
+    });
+    format!("{{ {} }}", each.collect::<Vec<_>>().join(", "))
+}
+
+/// The table as a reference with this name, whose column is multiplied by a factor.
+fn table(name: &str, factor: f64, uncertainty: &str) -> String {
+    format!(
+        "[[condition.reference]]\nname = \"{name}\"\nfile = \"r.csv\"\nsegments = {{ column = \"record\" }}\n\
+         clock = {{ rate = \"2 kHz\" }}\nchannels = {}\nuncertainty = {{ {uncertainty} }}\n",
+        channels(["rx", "ry", "rz"], factor)
+    )
+}
+
+/// A condition with these references, and further tables of the calibration file.
+fn shaken_by(folder: &Path, references: &str, more: &str) -> Calibration {
     let text = format!(
         "name = \"c\"\n[sensor]\nrate = \"1 kHz\"\nclock_tolerance = \"1 %\"\nchannels = {}\n\
-         [[condition]]\nname = \"room\"\nfile = \"g.csv\"\nsegments = {{ column = \"record\" }}\n\
-         [[condition.reference]]\nname = \"table\"\nfile = \"r.csv\"\nsegments = {{ column = \"record\" }}\n\
-         clock = {{ rate = \"2 kHz\" }}\nchannels = {}\nuncertainty = {{ {uncertainty} }}\n",
-        channels(["x", "y", "z"]),
-        channels(["rx", "ry", "rz"])
+         [[condition]]\nname = \"room\"\nfile = \"g.csv\"\nsegments = {{ column = \"record\" }}\n{references}{more}",
+        channels(["x", "y", "z"], 1.0),
     );
-    calibrated(&text, folder.path()).unwrap()
+    calibrated(&text, folder).unwrap()
+}
+
+/// A unit that shows `matrix` times the rates of a table in each of these records.
+pub fn shaken(matrix: [[f64; 3]; 3], records: &[Shaken], uncertainty: &str, seed: u64) -> Calibration {
+    let folder = tempfile::tempdir().unwrap();
+    write_shaken(folder.path(), matrix, records, seed);
+    shaken_by(folder.path(), &table("table", 1.0, uncertainty), "")
 }
 
 /// Turns about directions between the axes, each three times.
-fn oblique() -> Vec<Shaken> {
+pub fn oblique() -> Vec<Shaken> {
     let directions = [[1.0, 0.5, 0.2], [-0.4, 1.0, 0.3], [0.3, -0.2, 1.0], [0.7, 0.7, -0.5]];
-    let records = (0..12).map(|k| Shaken { rates: directions[k % 4], frequency: 50.0, gain: 1.0 });
+    let records = (0..12).map(|k| Shaken { rates: directions[k % 4], ..SHAKEN });
     records.collect()
 }
 
-const UPRIGHT: [[f64; 3]; 3] = [[1.01, 0.002, -0.001], [0.003, 0.99, 0.002], [-0.002, 0.001, 1.02]];
+/// A record about y.
+pub const SHAKEN: Shaken = Shaken { rates: [0.0, 1.0, 0.0], frequency: 50.0, gain: 1.0, harmonic: 0.0 };
+
+/// A unit whose axes are as they are named.
+pub fn upright() -> Calibration {
+    shaken(UPRIGHT, &oblique(), "", 36)
+}
+
+pub fn with_turned_axis() -> Calibration {
+    let [x, y, z] = UPRIGHT;
+    shaken([x, y.map(|entry| -entry), z], &oblique(), "", 36)
+}
+
+/// A motion with a second harmonic of this part.
+pub fn with_harmonic(harmonic: f64) -> Calibration {
+    let records: Vec<Shaken> = oblique().into_iter().map(|own| Shaken { harmonic, ..own }).collect();
+    shaken(UPRIGHT, &records, "", 36)
+}
+
+/// The same table as two references, the second one larger by a factor.
+pub fn by_two_references(factor: f64) -> Calibration {
+    let folder = tempfile::tempdir().unwrap();
+    write_shaken(folder.path(), UPRIGHT, &oblique(), 36);
+    let references = [("first", 1.0), ("second", factor)].map(|(name, factor)| table(name, factor, ""));
+    shaken_by(folder.path(), &references.concat(), "")
+}
+
+/// A unit that has this bias at rest, and none under vibration.
+pub fn shaken_and_at_rest(bias: f64) -> Calibration {
+    let folder = tempfile::tempdir().unwrap();
+    write_shaken(folder.path(), UPRIGHT, &oblique(), 36);
+    let mut noise = Noise::new(37);
+    let mut rows = "x,y,z\n".to_owned();
+    for _ in 0..4096 {
+        let [x, y, z] = [0, 1, 2].map(|_| bias + 1e-4 * noise.normal());
+        writeln!(rows, "{x:.7},{y:.7},{z:.7}").unwrap();
+    }
+    fs::write(folder.path().join("rest.csv"), rows).unwrap();
+    shaken_by(folder.path(), &table("table", 1.0, ""), "[rest]\nfile = \"rest.csv\"\n")
+}
+
+/// One record at each frequency, of a factor that falls with the frequency.
+pub fn by_frequency(uncertainty: &str) -> Calibration {
+    shaken(UPRIGHT, &falling_with_frequency(1), uncertainty, 35)
+}
+
+/// So many records at each of five frequencies.
+pub fn falling_with_frequency(each: u32) -> Vec<Shaken> {
+    let at = |k: u32| Shaken {
+        frequency: 30.0 + 20.0 * f64::from(k / each),
+        gain: 1.0 - 0.02 * f64::from(k / each),
+        ..SHAKEN
+    };
+    (0..5 * each).map(at).collect()
+}
+
+pub const UPRIGHT: [[f64; 3]; 3] = [[1.01, 0.002, -0.001], [0.003, 0.99, 0.002], [-0.002, 0.001, 1.02]];
 
 fn refused_checks(found: &Calibration) -> Vec<String> {
     let checks = Certificate::of(found).validity;
@@ -469,8 +593,8 @@ fn records_that_no_matrix_describes_have_no_scale_factor() {
 fn a_scale_factor_that_changes_with_the_amplitude_is_withheld() {
     let falling = |k: u32| Shaken {
         rates: [0.0, 0.5 + 0.1 * f64::from(k), 0.0],
-        frequency: 50.0,
         gain: 1.0 - 1e-2 * f64::from(k) / 11.0,
+        ..SHAKEN
     };
     let records: Vec<Shaken> = (0..12).map(falling).collect();
     let found = shaken(UPRIGHT, &records, "", 34);
@@ -481,18 +605,10 @@ fn a_scale_factor_that_changes_with_the_amplitude_is_withheld() {
 /// A factor that falls with the frequency, which the records of one frequency share or not.
 #[test]
 fn a_scale_factor_by_frequency_says_where_nothing_tells_what_changes_from_record_to_record() {
-    let records = |each: u32| -> Vec<Shaken> {
-        let at = |k: u32| Shaken {
-            rates: [0.0, 1.0, 0.0],
-            frequency: 30.0 + 20.0 * f64::from(k / each),
-            gain: 1.0 - 0.02 * f64::from(k / each),
-        };
-        (0..5 * each).map(at).collect()
-    };
     let scatter = "the interval has what changes from record to record";
     for (each, stated, is_known) in [(1, "", false), (1, "reproducibility = \"0.01 %\"", true), (3, "", true)]
     {
-        let found = shaken(UPRIGHT, &records(each), stated, 35);
+        let found = shaken(UPRIGHT, &falling_with_frequency(each), stated, 35);
         let [result] = &found.results[..] else { panic!("one result") };
         assert_eq!(result.by_frequency.len(), 5, "{:?}", result.withheld);
         let refused = refused_checks(&found);

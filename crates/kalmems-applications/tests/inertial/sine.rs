@@ -1,11 +1,13 @@
 //! Sines with a reference in the same file: an accelerometer on a shaker.
 
+use super::coverage::assert_95_of_100;
 use super::simulated::Noise;
 use kalmems_applications::ApplicationFile;
 use kalmems_applications::calibration::{
     Calibration, CalibrationError, Certificate, GyroscopeCalibration, RecordOutcome, calibrate,
 };
 use kalmems_engines::progress::Silent;
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs;
@@ -35,7 +37,7 @@ struct Shaken {
 
 const SHAKEN: Shaken =
     Shaken { scale: 1.013, resonance_hz: 480.0, damping: 0.7, scatter: 1e-3, distortion: 0.0, limit: 1e9 };
-const FREQUENCIES: [f64; 8] = [20.0, 40.0, 80.0, 160.0, 320.0, 430.0, 560.0, 720.0];
+const FREQUENCIES: [f64; 10] = [20.0, 40.0, 80.0, 160.0, 320.0, 430.0, 460.0, 490.0, 520.0, 720.0];
 /// Records at each frequency.
 const REPEATED: usize = 4;
 
@@ -133,29 +135,30 @@ fn a_shaker_gives_amplitude_phase_bandwidth_and_codes_by_the_unit() {
 #[test]
 #[ignore = "200 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
 fn slow_intervals_by_sines_hold_95_of_100() {
-    let (mut all, mut of) = (0, 0);
-    for (name, held) in held(100..300) {
-        println!("{name}: {held} of 200");
-        assert!(held >= 180, "{name}: {held} of 200");
-        if !name.contains("bandwidth") && !name.contains("sensitivity") {
-            (all, of) = (all + held, of + 200);
-        }
-    }
-    let part = f64::from(all as u32) / f64::from(of);
-    assert!((0.94..0.97).contains(&part), "{part}");
+    // The sensitivity is the scale factor times a constant.
+    let each = held(100..300).into_iter().filter(|(name, _)| !name.contains("sensitivity"));
+    assert_95_of_100("sines", each, 200);
+}
+
+pub fn with_scale(scale: f64) -> Calibration {
+    Shaken { scale, ..SHAKEN }.calibrated(3).unwrap()
+}
+
+/// A shaker with a second harmonic of this part.
+pub fn with_distortion(distortion: f64) -> Calibration {
+    Shaken { distortion, ..SHAKEN }.calibrated(3).unwrap()
 }
 
 #[test]
 fn a_turned_sign_a_distorted_shaker_and_a_range_that_ends_are_named_and_not_certified() {
-    let refused = |shaken: Shaken, what: &str| {
-        let found = shaken.calibrated(3).unwrap();
+    let refused = |found: Calibration, what: &str| {
         let certificate = Certificate::of(&found);
         let failed = certificate.validity.iter().filter(|check| !check.passes);
         assert!(failed.clone().any(|check| check.what.contains(what)), "{what}: {:?}", certificate.validity);
         assert!(!certificate.valid);
     };
-    refused(Shaken { scale: -1.013, ..SHAKEN }, "follows the reference");
-    refused(Shaken { distortion: 0.1, ..SHAKEN }, "harmonic of the reference");
+    refused(with_scale(-1.013), "follows the reference");
+    refused(with_distortion(0.1), "harmonic of the reference");
     let clipped = Shaken { limit: 15.0, ..SHAKEN }.calibrated(3).unwrap_err().to_string();
     assert!(clipped.contains("clipped"), "{clipped}");
 }
@@ -211,56 +214,70 @@ fn write_sweeps(path: &std::path::Path, seed: u64, records: usize) {
     fs::write(path, text).unwrap();
 }
 
-/// How many of the amplitudes and phases of all bands are in their intervals, and of how many; and the bandwidth.
-fn sweeps_held(seed: u64, records: usize) -> ([usize; 2], bool) {
+/// How often each amplitude and phase of the bands, and the bandwidth, are in their intervals, and in how many records they are found.
+fn sweeps_held(seeds: std::ops::Range<u64>, records: usize) -> BTreeMap<String, [usize; 2]> {
     let folder = tempfile::tempdir().unwrap();
-    write_sweeps(&folder.path().join("shaker.csv"), seed, records);
     let text = format!("{FILE}sweep = true\n{STATED}");
     let file = GyroscopeCalibration::parse(&text, &folder.path().join("shaker.toml")).unwrap();
-    let found = calibrate(&file, &Silent).unwrap();
-    let (mut held, mut of, mut highest) = (0, 0, 0.0_f64);
-    for quantity in &record(&found).quantities {
-        let Some((what, frequency)) = quantity.name.split_once("_x_at_") else { continue };
-        let frequency: f64 = frequency.trim_end_matches("_hz").parse().unwrap();
-        let (gain, lag) = SHAKEN.response(frequency);
-        let truth = match what {
-            "accelerometer_scale_factor" => gain,
-            "accelerometer_phase" => lag,
-            _ => continue,
-        };
-        let own = quantity.estimate;
-        // The frequency in the name is rounded to 0.01 Hz.
-        held += usize::from((own.value - truth).abs() <= own.expanded_by_records + 5e-6 * truth.abs());
-        of += 1;
-        highest = highest.max(frequency);
+    let mut held = BTreeMap::new();
+    for seed in seeds {
+        write_sweeps(&folder.path().join("shaker.csv"), seed, records);
+        let found = calibrate(&file, &Silent).unwrap();
+        for quantity in &record(&found).quantities {
+            let own = quantity.estimate;
+            let [low, high] = own.interval;
+            assert!(low < own.value && own.value < high, "{quantity:?}");
+            let (name, is_held) = match quantity.name.split_once("_x_at_") {
+                None => {
+                    let truth = SHAKEN.bandwidth();
+                    (quantity.name.clone(), low <= truth && truth <= high)
+                }
+                Some((what, frequency)) => {
+                    let frequency: f64 = frequency.trim_end_matches("_hz").parse().unwrap();
+                    let (gain, lag) = SHAKEN.response(frequency);
+                    let truth = match what {
+                        "accelerometer_scale_factor" => gain,
+                        "accelerometer_phase" => lag,
+                        // The scale factor times a constant.
+                        _ => continue,
+                    };
+                    // The frequency in the name is rounded to 0.01 Hz.
+                    let half = own.expanded_by_records + 5e-6 * truth.abs();
+                    (format!("{what}_at_{frequency:.1}_hz"), (own.value - truth).abs() <= half)
+                }
+            };
+            let [held, of] = held.entry(name).or_default();
+            *held += usize::from(is_held);
+            *of += 1;
+        }
     }
-    assert!(of > 50 && highest > 800.0, "{of} {highest}");
-    let [low, high] = record(&found).estimate("accelerometer_bandwidth_x").unwrap().interval;
-    let truth = SHAKEN.bandwidth();
-    ([held, of], low <= truth && truth <= high)
+    assert!(held.len() > 50 && held.contains_key("accelerometer_bandwidth_x"), "{held:?}");
+    held
 }
 
 #[test]
 fn a_sweep_gives_the_response_in_bands() {
     for records in [1, 3] {
-        let ([held, of], is_bandwidth) = sweeps_held(5, records);
+        let held = sweeps_held(5..6, records);
+        assert_eq!(held["accelerometer_bandwidth_x"], [1, 1]);
         // Neighbouring bands share nothing: 19 of 20 are expected.
-        assert!(held as f64 > 0.87 * of as f64 && is_bandwidth, "{held} of {of}, {is_bandwidth}");
+        let all: usize = held.values().map(|[held, _]| held).sum();
+        assert!(all as f64 > 0.87 * held.len() as f64, "{held:?}");
     }
 }
 
 #[test]
-#[ignore = "40 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
+#[ignore = "400 records; cargo test -p kalmems-applications --test inertial -- --ignored slow_"]
 fn slow_intervals_by_sweeps_hold_95_of_100() {
-    let (mut all, mut bandwidths) = ([0, 0], 0);
-    for seed in 100..140 {
-        let (found, is_bandwidth) = sweeps_held(seed, 1);
-        all = [all[0] + found[0], all[1] + found[1]];
-        bandwidths += usize::from(is_bandwidth);
+    let held = sweeps_held(100..500, 1);
+    // Bands below the beginning of the sweep are found in some records only: those in which their noise happens to be small.
+    let (always, sometimes): (Vec<_>, Vec<_>) = held.into_iter().partition(|(_, [_, of])| *of == 400);
+    println!("sweeps, in some records only: {sometimes:?}");
+    assert!(always.len() > 70 && sometimes.len() <= 6, "{sometimes:?}");
+    for (name, [held, of]) in sometimes.into_iter().filter(|(_, [_, of])| *of >= 100) {
+        assert_95_of_100("sweeps, in some records", [(name, held)], of);
     }
-    println!("{all:?} of amplitudes and phases, {bandwidths} of 40 bandwidths");
-    let part = all[0] as f64 / all[1] as f64;
-    assert!((0.935..0.97).contains(&part) && bandwidths >= 36, "{part} {bandwidths}");
+    assert_95_of_100("sweeps", always.into_iter().map(|(name, [held, _])| (name, held)), 400);
 }
 
 #[test]

@@ -860,6 +860,7 @@ fn a_column_is_compensated_over_the_temperature_and_against_other_columns() {
         unit: unit.to_owned(),
         range_k: [290.0, 320.0],
         pieces: vec![CurvePiece { reference_k: 300.0, coefficients: coefficients.to_vec() }],
+        expanded_square: Vec::new(),
     };
     let compensation = |unit: &str, cross: &[(String, TemperatureCurve)]| ColumnCompensation {
         temperature: declared("t_K", "temperature", ["", "", ""]),
