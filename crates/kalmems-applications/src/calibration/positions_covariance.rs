@@ -19,7 +19,7 @@ struct LinearNumber {
     of_rest: Option<[usize; 2]>,
 }
 
-/// The covariances of the numbers of a record of positions, from the fits behind them; of inputs from elsewhere, one with the same name is the same error.
+/// The covariances of the numbers of a record of positions, from their fits; of inputs from elsewhere, one with the same name is the same error.
 pub(super) fn covariance_of_positions(
     quantities: &[CalibratedQuantity],
     forces: &Fit<9>,

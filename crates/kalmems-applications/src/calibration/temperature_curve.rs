@@ -37,7 +37,7 @@ impl CurveBasis {
         Self::Spline { knots_k, cardinal }
     }
 
-    /// The parameters.
+    /// Number of parameters.
     pub fn count(&self) -> usize {
         match self {
             Self::Polynomial { order, .. } => order + 1,

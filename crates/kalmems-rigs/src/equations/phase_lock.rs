@@ -54,7 +54,7 @@ pub struct LoopOf {
     pub roles: [usize; 4],
     /// The states at the segment's beginning, for which its gain is.
     pub at: Vec<f64>,
-    /// Name of the measurement.
+    /// Index of the measurement.
     pub measure: usize,
     /// The interval between samples in s.
     pub interval_s: f64,
