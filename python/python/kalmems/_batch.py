@@ -46,6 +46,8 @@ class Batch:
         """Those that could not be estimated, and why."""
         self.doubtful: list[str] = told["doubtful"]
         """Those in which the answer to trust is doubtful or worse."""
+        self.by_signal: list[dict[str, Any]] = told.get("by_signal", [])
+        """Mean NIS of each signal of the trusted filters, with its interval; empty if one signal corrects them."""
         self._text = text
 
     def _read(self, name: str) -> bytes:
