@@ -407,7 +407,7 @@ fn biases_of_one_axis_that_contradict_each_other_are_a_finding() {
         let named = found
             .findings
             .join("\n")
-            .contains("not so: condition `room`: the bias of x under vibration is that at rest (-38");
+            .contains("not so: condition `room`, axis x: the bias under vibration is that at rest (-38");
         assert_eq!(named, differs, "{bias}: {:?}", found.findings);
         let [check] = &found.bias_checks[..] else { panic!("{:?}", found.bias_checks) };
         assert_eq!(check.passes, !differs, "{check:?}");
