@@ -97,15 +97,17 @@ mod tests {
         let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
         let (address, own) = (socket.local_addr().unwrap(), socket.try_clone().unwrap());
         let viewer = std::thread::spawn(move || {
-            let (mut datagram, mut events) = (vec![0; 1 << 16], Vec::new());
+            // Nothing else between two of them: what waits for too long is lost.
+            let (mut datagram, mut datagrams) = (vec![0; 1 << 16], Vec::new());
             loop {
                 let count = socket.recv(&mut datagram).unwrap();
                 if &datagram[..count] == b"end" {
-                    return events;
+                    break;
                 }
-                let message: serde_json::Value = serde_json::from_slice(&datagram[..count]).unwrap();
-                events.extend(message.get("event").cloned());
+                datagrams.push(datagram[..count].to_vec());
             }
+            let read = |bytes: &Vec<u8>| serde_json::from_slice::<serde_json::Value>(bytes).unwrap();
+            datagrams.iter().filter_map(|bytes| read(bytes).get("event").cloned()).collect::<Vec<_>>()
         });
         let file = folder.path().join("m.mcap");
         let arguments = [
