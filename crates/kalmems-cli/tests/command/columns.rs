@@ -289,7 +289,8 @@ fn long_a_file_of_another_kind_is_not_quoted() {
                 continue;
             }
             let file = path(&format!("{number}.toml"));
-            let output = run(&[command.as_slice(), &[&file, "--out", &path("out")]].concat());
+            let output =
+                run(&[command.as_slice(), &[&file, "--out", &path(&format!("out{number}"))]].concat());
             assert_eq!(quotes(&output), None, "{name} as {kind}");
             assert_eq!(output.status.code(), Some(1), "{name} as {kind}: {}", said(&output));
             assert!(said(&output).contains("expected"), "{name} as {kind}: {}", said(&output));
@@ -340,7 +341,8 @@ fn advice_on_a_text_without_names_fits_the_settings_that_name_it() {
         std::fs::write(path("FILE"), text).unwrap();
         for (number, (kind, command, _)) in settings.iter().enumerate() {
             let file = path(&format!("{number}.toml"));
-            let why = refused(&[command.as_slice(), &[&file, "--out", &path("out")]].concat(), folder.path());
+            let out = path(&format!("out{number}"));
+            let why = refused(&[command.as_slice(), &[&file, "--out", &out]].concat(), folder.path());
             assert!(why.contains(expected) && !why.contains("[[recording]]"), "{kind}: {why}");
         }
     }
