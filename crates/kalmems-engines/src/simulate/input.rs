@@ -4,7 +4,7 @@ use super::source::read;
 use super::{Drive, Interruptions, SimulateError, Tone};
 use crate::config::{
     AnyValue, CaptureDrive, ConfigError, ConfigFault, Experiment, InputSource, Key, PowerCut, Quantity, Sign,
-    Simulate,
+    Simulate, SquareInput,
 };
 use crate::recording::RecordingSource;
 use crate::units::Kind;
@@ -44,22 +44,7 @@ pub fn input_of(
             };
             place.cut_off("sine.cut_off", drive, sine.cut_off.as_ref())?
         }
-        InputSource::Square(square) => {
-            if square.duty_cycle.si() >= 1.0 {
-                let why =
-                    format!("`{}` is not below 1; expected a part, such as `50 %`", square.duty_cycle.text());
-                return Err(place.refused("square.duty_cycle", why).into());
-            }
-            if let Err(why) = simulate.resolves_square(&square.frequency) {
-                return Err(place.refused("square.frequency", why).into());
-            }
-            Drive::Square {
-                low: place.value("square.low", &square.low, Sign::Any)?,
-                high: place.value("square.high", &square.high, Sign::Any)?,
-                frequency_hz: square.frequency.si(),
-                duty: square.duty_cycle.si(),
-            }
-        }
+        InputSource::Square(square) => square_of(&place, simulate, square)?,
         InputSource::Sweep(sweep) => {
             let begins_s = sweep.begins.as_ref().map_or(0.0, Quantity::si);
             let duration_s =
@@ -150,6 +135,23 @@ pub fn captured(capture: &CaptureDrive) -> SimulatedInput {
         Some(cut_off) => Drive::Interrupted { drive: Box::new(late), off: Interruptions::from(cut_off) },
     };
     SimulatedInput { drive, source: None, before_s }
+}
+
+/// A square wave that is integrated as often as it changes, in SI.
+fn square_of(place: &InputPlace, simulate: &Simulate, square: &SquareInput) -> Result<Drive, SimulateError> {
+    if square.duty_cycle.si() >= 1.0 {
+        let why = format!("`{}` is not below 1; expected a part, such as `50 %`", square.duty_cycle.text());
+        return Err(place.refused("square.duty_cycle", why).into());
+    }
+    if let Err(why) = simulate.resolves_square(&square.frequency) {
+        return Err(place.refused("square.frequency", why).into());
+    }
+    Ok(Drive::Square {
+        low: place.value("square.low", &square.low, Sign::Any)?,
+        high: place.value("square.high", &square.high, Sign::Any)?,
+        frequency_hz: square.frequency.si(),
+        duty: square.duty_cycle.si(),
+    })
 }
 
 /// Where in the file an input stands, and what its values are.
