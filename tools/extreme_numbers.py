@@ -3,26 +3,26 @@
 
     tools/extreme_numbers.py target/release/kalmems [--only PART] [--commands estimate,simulate,study,stream,compare] [--seconds 10]
 
-Experiments, simulations, studies and streams of examples/ run on the first 2000 rows of their recordings, or over 2 ms, with one number of their file
-replaced; `compare` on two results, with one number of `run.toml` or `metrics.json` replaced. Each run may take 10 s more than five times
+Experiments, simulations, studies and streams of examples/ run on the first 3000 rows of their recordings, or over 2 ms, with one number of their file
+replaced; `compare` on two results, with one number of `run.toml` or `metrics.json` replaced. Each run may take 10 s of the processor more than five times
 the one without a replaced number, with 2 GB of memory, and ends with one of the command's own exit codes. Prints what did not and fails then.
 Standard library alone."""
 
 import argparse
+import math
 import re
 import resource
 import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 NUMBER = re.compile(r"(?<![\w.#-])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.:])")
 EXTREMES = ("9223372036854775807", "9e18", "1e-300")
-ROWS = 2000
+ROWS = 3000
 MEMORY = 2 << 30
 # What the command says of its end: done, wrong, misused, doubtful under --strict, and those of a stream.
 CODES = range(7)
@@ -63,13 +63,21 @@ def spans(text):
 
 
 def run(command, folder, most_s):
-    limit = lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    begun = time.monotonic()
+    """How a command ends, within so much time of the processor, how much it took, and what it said."""
+    seconds = math.ceil(most_s)
+
+    def limit():
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+
+    worked = lambda: sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+    before = worked()
+    # One that only waits takes no time of the processor.
     try:
-        ended = subprocess.run(command, cwd=folder, capture_output=True, timeout=most_s, preexec_fn=limit)
+        ended = subprocess.run(command, cwd=folder, capture_output=True, timeout=20 * seconds, preexec_fn=limit)
     except subprocess.TimeoutExpired:
         return None, most_s, ""
-    return ended.returncode, time.monotonic() - begun, ended.stderr.decode(errors="replace")[-300:]
+    return ended.returncode, worked() - before, ended.stderr.decode(errors="replace")[-300:]
 
 
 def tried(what, command, folder, path, seconds):
