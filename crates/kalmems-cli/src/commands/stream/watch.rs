@@ -85,15 +85,19 @@ impl Write for TwoWriters {
 mod tests {
     use super::*;
 
-    /// All that happens in 12 ms of the example, in one run: in a file, and as datagrams.
+    /// What happens in the first 9.3 ms of the example, in one run: in a file, and as datagrams, so few that the usual buffer of a
+    /// socket (208 KiB) holds them all while nobody reads.
     #[test]
     fn two_places_of_one_stream_get_the_same_events() {
         let folder = tempfile::tempdir().unwrap();
         let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/shared_scanner");
         let recording = std::fs::read_to_string(example.join("recording.csv")).unwrap();
         let samples = folder.path().join("samples.csv");
-        let rows: Vec<&str> = recording.lines().take(12_001).collect();
+        let rows: Vec<&str> = recording.lines().take(9_301).collect();
         std::fs::write(&samples, rows.join("\n") + "\n").unwrap();
+        let settings = std::fs::read_to_string(example.join("stream.toml")).unwrap();
+        let experiment = folder.path().join("stream.toml");
+        std::fs::write(&experiment, settings.replacen("every = 10 ", "every = 1000 ", 1)).unwrap();
         let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
         let (address, own) = (socket.local_addr().unwrap(), socket.try_clone().unwrap());
         let viewer = std::thread::spawn(move || {
@@ -113,7 +117,7 @@ mod tests {
         let arguments = [
             "kalmems",
             "stream",
-            example.join("stream.toml").to_str().unwrap(),
+            experiment.to_str().unwrap(),
             "--from",
             samples.to_str().unwrap(),
             "--to",
@@ -134,7 +138,7 @@ mod tests {
             events
         });
         let ahead = kept.iter().filter(|event| event["event"] == "zero_phase_ahead").count();
-        assert!(ahead > 50, "{ahead} of {}", kept.len());
+        assert!(ahead > 30, "{ahead} of {}", kept.len());
         assert!(kept == sent, "{} in the file, {} were sent", kept.len(), sent.len());
     }
 
