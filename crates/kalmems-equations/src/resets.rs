@@ -217,7 +217,7 @@ impl Resets {
     /// within the step; of kinks the whole step is taken here. False for a number that is not finite, and for more than 16 resets in it.
     ///
     /// A reset x⁺ = r(x⁻) at the time at which g(x) = 0 moves what is near the motion by the saltation matrix
-    /// ∂r/∂x + (f⁺ − ∂r/∂x·f⁻)·(∂g/∂x)/(∂g/∂x·f⁻), with the rates f⁻ and f⁺ before and behind it (Aizerman & Gantmakher, 1958; Kong, Payne,
+    /// ∂r/∂x + (f⁺ − ∂r/∂x·f⁻)·(∂g/∂x)/(∂g/∂x·f⁻ + ∂g/∂t), with the rates f⁻ and f⁺ before and behind it (Aizerman & Gantmakher, 1958; Kong, Payne,
     /// Zhu & Johnson, Saltation matrices, Proc. IEEE 112, 585, 2024).
     pub fn follow(
         &mut self,
@@ -389,8 +389,10 @@ impl Resets {
         let inputs = &mut inputs[..step.inputs.start.len().min(MOST_STATES)];
         inputs_at(step.inputs, share, inputs);
         self.rates(step, at, inputs, &mut rates[..at.len()]);
-        self.all[place].crossing.linearize(at, inputs, &mut slopes[..at.len()]);
-        rates.iter().zip(&slopes).map(|(rate, slope)| rate * slope).sum()
+        let Reset { crossing, .. } = &mut self.all[place];
+        crossing.linearize(at, inputs, &mut slopes[..at.len()]);
+        rates.iter().zip(&slopes).map(|(rate, slope)| rate * slope).sum::<f64>()
+            + growth_by_inputs(crossing, step, (at, share))
     }
 
     /// Leads the sides of the path from where a step began, on `before`, to where it ends.
@@ -486,7 +488,8 @@ impl Resets {
                 let mut slopes = [0.0; MOST_STATES];
                 step.motion.rates(step.work, at, inputs, &mut rates[..at.len()]);
                 reset.crossing.linearize(at, inputs, &mut slopes[..at.len()]);
-                value = rates.iter().zip(&slopes).map(|(rate, slope)| rate * slope).sum();
+                value = rates.iter().zip(&slopes).map(|(rate, slope)| rate * slope).sum::<f64>()
+                    + growth_by_inputs(&mut reset.crossing, step, (at, share));
             }
             *held = if value < 0.0 { -1.0 } else { 1.0 };
         }
@@ -563,7 +566,8 @@ impl Resets {
         let mut finite = self.rates(step, event, inputs, &mut before[..size]);
         self.hold(step, behind, when);
         finite &= self.rates(step, behind, inputs, &mut after[..size]);
-        let speed: f64 = normal.iter().zip(&before).map(|(n, f)| n * f).sum();
+        let by_inputs = growth_by_inputs(&mut self.all[reset].crossing, step, (event, when));
+        let speed = normal.iter().zip(&before).map(|(n, f)| n * f).sum::<f64>() + by_inputs;
         // One that a correction has moved past zero passed it some time before.
         let ago_s = self.path.map_or(0.0, |_| (value / speed).clamp(0.0, step.length_s));
         for ((row, after), behind) in saltation.chunks_exact_mut(size).zip(&after).zip(behind.iter_mut()) {
@@ -575,6 +579,19 @@ impl Resets {
         }
         finite && saltation.iter().chain(behind.iter()).all(|value| value.is_finite())
     }
+}
+
+/// How fast an expression grows per s by the inputs alone, at a state and a share of the step: of the parabola that these follow, by what lies 10⁻⁴ of the
+/// step to either side, which a cubic changes by 10⁻⁸ of itself.
+fn growth_by_inputs(expression: &mut Reading, step: &ResetStep<'_, '_>, (at, share): (&[f64], f64)) -> f64 {
+    const ASIDE: f64 = 1e-4;
+    let mut inputs = [0.0; MOST_STATES];
+    let inputs = &mut inputs[..step.inputs.start.len().min(MOST_STATES)];
+    let [later, earlier] = [ASIDE, -ASIDE].map(|aside| {
+        inputs_at(step.inputs, share + aside, inputs);
+        expression.read(at, inputs)
+    });
+    (later - earlier) / (2.0 * ASIDE * step.length_s)
 }
 
 /// The inputs at a share of a step, on the parabola through its start, middle and end.

@@ -6,6 +6,7 @@ mod common;
 mod energy;
 mod held;
 mod hidden_turns;
+mod kinks;
 mod laws;
 mod mistakes;
 mod published;
