@@ -170,7 +170,6 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
         ColumnHead::number("k", ""),
         ColumnHead::number("ν", ""),
         ColumnHead::number("U by the records alone", "ppm"),
-        ColumnHead::number("to the first reference", "ppm"),
         ColumnHead::number("crest to trough", ""),
         ColumnHead::number("with intercept", ""),
         ColumnHead::number("bias", shown),
@@ -179,7 +178,6 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
     let mut table = TextTable::new("Scale factors, gyroscope by reference", columns).with_expendable(&[
         "with intercept",
         "crest to trough",
-        "to the first reference",
         "U by the records alone",
     ]);
     for result in results {
@@ -190,15 +188,13 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
                 AXES[result.main].to_owned(),
                 "withheld".to_owned(),
             ];
-            row.resize(13, "–".to_owned());
+            row.resize(12, "–".to_owned());
             table.push(row);
             continue;
         }
         let found = &result.scale_factor;
         let UncertainEstimate { value, expanded_by_records, interval, .. } = *found;
         let in_ppm = |size: f64| format!("{:.1}", 1e6 * size / value.abs());
-        let first = results.iter().find(|r| r.condition == result.condition && r.main == result.main);
-        let first = first.map_or(value, |first| first.scale_factor.value);
         let peaks = result.peak_to_peak;
         let or_dash = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |v| format!("{v:.6}"));
         let bias = result.bias[result.main].map(|bias| {
@@ -214,7 +210,6 @@ pub(super) fn scale_factors(results: &[CalibratedGyroscope]) -> TextTable {
             format!("{:.2}", found.coverage_factor),
             freedom(found.degrees_of_freedom),
             in_ppm(expanded_by_records),
-            format!("{:+.1}", 1e6 * (value / first - 1.0)),
             or_dash(peaks.map(|p| p.through_origin)),
             or_dash(peaks.and_then(|p| p.slope)),
             bias,
