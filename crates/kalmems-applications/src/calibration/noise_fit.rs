@@ -351,7 +351,13 @@ impl OctaveFit {
             })
         };
         let is_allan = self.octaves.first().is_some_and(|octave| octave.difference == PhaseDifference::ALLAN);
-        of(seen).max(of(all)).max(if is_allan { OVERLAP } else { HADAMARD_OVERLAP })
+        let least = match part {
+            // It is seen at the shortest times alone, whose variances have known covariances.
+            QUANTISATION => 1.0,
+            _ if is_allan => OVERLAP,
+            _ => HADAMARD_OVERLAP,
+        };
+        of(seen).max(of(all)).max(least)
     }
 
     /// The likeliest model with this square of a part, and its cost above the least one.
