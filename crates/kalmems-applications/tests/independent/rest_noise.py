@@ -33,6 +33,7 @@ KINDS = {
     "bursty": ([WALK, FLICKER, 0, 0, 0], "bursts"),
     "ramp": ([WALK, 0, 0, 0, RAMP], ""),
     "flicker and ramp": ([WALK, FLICKER, 0, 0, 5 * RAMP], ""),
+    "quantisation of Gaussian errors": ([WALK, 0, 0, 1e-3, 0], "gaussian"),
 }
 
 
@@ -59,7 +60,8 @@ def record(random, sizes, what):
             state = memory * state + (1 - memory) * value
             rate[k] = state
     rate = rate[200:] + BIAS + rate_walk / np.sqrt(RATE) * np.cumsum(random.standard_normal(COUNT))
-    rate += RATE * np.diff(quantisation * np.sqrt(12) * random.uniform(-0.5, 0.5, COUNT + 1))
+    rounding = random.standard_normal(COUNT + 1) if what == "gaussian" else np.sqrt(12) * random.uniform(-0.5, 0.5, COUNT + 1)
+    rate += RATE * np.diff(quantisation * rounding)
     rate += ramp * (np.arange(COUNT) - (COUNT - 1) / 2) / RATE
     if what == "line":
         rate += 3e-3 * np.sin(2 * np.pi * 1065.4 / COUNT * np.arange(COUNT))
