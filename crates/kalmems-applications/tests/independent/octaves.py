@@ -14,8 +14,8 @@ import tempfile
 import numpy as np
 
 OWN, OTHERS = ["allan", "modified", "hadamard", "total"], ["oadev", "mdev", "ohdev", "totdev"]
-# Up to so many samples each difference is formed; beyond, one from each second, fourth, ... sample.
-EXACT = 1 << 15
+# Up to so many samples each difference is formed; beyond, one from each eighth, sixteenth, ... sample.
+EXACT = 1 << 17
 ALLANTOOLS = """
 import sys, json, numpy, allantools
 rate = numpy.load(sys.argv[1])

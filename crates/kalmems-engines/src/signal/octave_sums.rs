@@ -3,13 +3,14 @@
 use super::allan::DifferenceSums;
 use std::ops::Range;
 
-/// Averaging times of so many samples at most have a difference from each sample on; longer ones from so many places to an averaging time, which
-/// leaves 1/32768 of a difference's standard deviation unused.
+/// Averaging times of so many samples at most have a difference from each sample on, which are all of a record of half a million.
+const EACH: usize = 1 << 17;
+/// Longer ones have a difference from so many places to an averaging time, which leaves 1/32768 of a difference's standard deviation unused.
 const FINEST: usize = 1 << 15;
 /// Phases that are taken in before their differences are formed.
 const BLOCK: usize = 1 << 15;
-/// Factors of two beyond [`FINEST`].
-const LEVELS: usize = 24;
+/// Factors of two beyond [`EACH`], and the averaging times up to it.
+const LEVELS: usize = 22;
 /// Values that the kind of a noise is read off, where there are as many.
 const NOISE_VALUES: usize = 128;
 /// A gap of so many times all samples before it is in no mean: what comes after begins anew.
@@ -39,6 +40,8 @@ pub struct OctaveSums {
 /// The phase at every so many samples.
 struct Level {
     spacing: usize,
+    /// The longest averaging time in steps.
+    longest: usize,
     /// The last phases, how many were dropped before them, and the samples that are missing until each.
     phase: Vec<f64>,
     missing: Vec<u32>,
@@ -67,13 +70,16 @@ pub(super) struct OctaveView<'a> {
 impl Default for OctaveSums {
     fn default() -> Self {
         let level = |level: usize| {
-            let spacing = 1_usize << level;
             // The longer levels have the one averaging time that is too long for the level before.
-            let steps = if level == 0 { 0..=FINEST.ilog2() } else { FINEST.ilog2()..=FINEST.ilog2() };
+            let (spacing, steps, longest) = match level {
+                0 => (1, 0..=EACH.ilog2(), EACH),
+                level => ((EACH / FINEST) << level, FINEST.ilog2()..=FINEST.ilog2(), FINEST),
+            };
             let octave =
                 |power: u32| Octave { sums: DifferenceSums::new(1_usize << power, spacing), next: 0 };
             Level {
                 spacing,
+                longest,
                 phase: Vec::new(),
                 missing: Vec::new(),
                 dropped: 0,
@@ -185,16 +191,15 @@ impl OctaveSums {
             let step = octave.sums.step();
             let factor = step * level.spacing;
             // A beginning that has too few values at this averaging time goes on at a longer spacing.
-            let suffices = |(place, head): (usize, &Vec<f64>)| {
-                let values = head.len() / (factor >> place).max(1);
-                (head.len() < 2 * FINEST || values >= NOISE_VALUES).then_some(place)
-            };
-            let place = self.heads.iter().enumerate().find_map(suffices).unwrap_or(0);
-            let head = self.heads.get(place).map_or(&[][..], Vec::as_slice);
+            let beginning = self.heads.iter().zip(&self.levels).find_map(|(head, level)| {
+                let steps = (factor / level.spacing).max(1);
+                let suffices = head.len() < 2 * level.longest || head.len() / steps >= NOISE_VALUES;
+                suffices.then_some((head.as_slice(), steps))
+            });
             OctaveView {
                 factor,
                 sums: &octave.sums,
-                beginning: (head, (factor >> place).max(1)),
+                beginning: beginning.unwrap_or((&[], 1)),
                 longest: self.longest,
             }
         })
@@ -211,8 +216,8 @@ impl OctaveSums {
     /// Takes the phase behind one more sample.
     fn step(&mut self) {
         self.taken += 1;
-        // A multiple of 2ⁿ is in the first n + 1 levels.
-        let levels = self.taken.trailing_zeros() as usize + 1;
+        // A multiple of 2ⁿ is in the levels of spacings up to that.
+        let levels = 1 + self.taken.trailing_zeros().saturating_sub((EACH / FINEST).ilog2()) as usize;
         let (phase, gone) = (self.phase, self.gone);
         self.levels.iter_mut().take(levels).for_each(|level| level.take(phase, gone));
     }
@@ -226,7 +231,7 @@ impl Level {
     fn take(&mut self, phase: f64, missing: u32) {
         self.phase.push(phase);
         self.missing.push(missing);
-        if self.head.len() < 2 * FINEST {
+        if self.head.len() < 2 * self.longest {
             self.head.push(phase);
         }
         if missing == 0 {
@@ -235,7 +240,7 @@ impl Level {
     }
 
     fn advance(&mut self, ends: bool) {
-        if !ends && self.phase.len() < 3 * FINEST + BLOCK {
+        if !ends && self.phase.len() < 3 * self.longest + BLOCK {
             return;
         }
         let all = self.dropped + self.phase.len();
@@ -254,7 +259,7 @@ impl Level {
                 octave.sums.mirror(complete.then_some((&self.head[..], tail)), all);
             }
         }
-        let keep = self.phase.len().min(3 * FINEST);
+        let keep = self.phase.len().min(3 * self.longest);
         let dropped = self.phase.len() - keep;
         self.phase.drain(..dropped);
         self.missing.drain(..dropped);
