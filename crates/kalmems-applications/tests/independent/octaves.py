@@ -49,10 +49,12 @@ def main():
         own_s, own_bytes, printed = measured(program, "calibrate", "gyro", folder / "rest.toml", "--out", folder / "out", "--json")
         rest = json.loads(printed)["rest"][0]
         print(f"kalmems calibrate, the whole command: {own_s:.1f} s of processor time, {own_bytes / 1e6:.0f} MB", flush=True)
+        taken_s = 0.0
         for own, other in zip(OWN, OTHERS):
             found = {int(time_s): deviation for time_s, deviation, *_ in rest[own]}
             script = [sys.executable, "-c", ALLANTOOLS, folder / "rest.npy", other, len(found)]
             other_s, other_bytes, printed = measured(*script)
+            taken_s += other_s
             theirs = {int(time_s): deviation for time_s, deviation in json.loads(printed).items()}
             assert set(theirs) >= set(found), (own, sorted(found), sorted(theirs))
             off = {time_s: abs(deviation / theirs[time_s] - 1) for time_s, deviation in found.items()}
@@ -63,6 +65,8 @@ def main():
                 flush=True,
             )
             assert max(exact) < 1e-9, off
+        print(f"allantools takes {taken_s / own_s:.1f} times as long for the four")
+        assert samples < 10**8 or (own_bytes < 100e6 and taken_s > 5 * own_s), (own_s, own_bytes, taken_s)
 
 
 if __name__ == "__main__":
