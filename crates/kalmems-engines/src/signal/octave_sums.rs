@@ -229,6 +229,11 @@ impl OctaveSums {
 
 impl Level {
     fn take(&mut self, phase: f64, missing: u32) {
+        if self.phase.len() == self.phase.capacity() {
+            // By blocks and not by halves as much again, which would leave a third of the memory unused.
+            self.phase.reserve_exact(BLOCK);
+            self.missing.reserve_exact(BLOCK);
+        }
         self.phase.push(phase);
         self.missing.push(missing);
         if self.head.len() < 2 * self.longest {
