@@ -153,9 +153,14 @@ impl OctaveSums {
         self.advance(true);
         if self.taken > self.longest {
             self.longest = self.taken;
-            self.heads = self.levels.iter().map(|level| level.head.clone()).collect();
+            self.heads = self.levels.iter_mut().map(|level| std::mem::take(&mut level.head)).collect();
         }
+        let is_long = self.taken > BLOCK;
         for level in &mut self.levels {
+            if is_long {
+                // Memory for what comes after a record; short stretches keep it for the next one.
+                (level.phase, level.missing) = Default::default();
+            }
             level.phase.clear();
             level.missing.clear();
             level.head.clear();
@@ -230,9 +235,10 @@ impl OctaveSums {
 impl Level {
     fn take(&mut self, phase: f64, missing: u32) {
         if self.phase.len() == self.phase.capacity() {
-            // By blocks and not by halves as much again, which would leave a third of the memory unused.
-            self.phase.reserve_exact(BLOCK);
-            self.missing.reserve_exact(BLOCK);
+            // Twice as much only up to a block, and by blocks from there on: the last doubling would leave a third of the memory unused.
+            let more = self.phase.len().clamp(4, BLOCK);
+            self.phase.reserve_exact(more);
+            self.missing.reserve_exact(more);
         }
         self.phase.push(phase);
         self.missing.push(missing);
