@@ -35,6 +35,8 @@ KINDS = {
     "flicker and ramp": ([WALK, FLICKER, 0, 0, 5 * RAMP], ""),
     "quantisation of Gaussian errors": ([WALK, 0, 0, 1e-3, 0], "gaussian"),
 }
+# Held more often than that: a ramp's interval holds for the random walk that looks the same as well, and errors of rounding scatter less than Gaussian ones.
+WIDER = {("ramp", "rate_ramp"), ("flicker and ramp", "rate_ramp"), ("quantisation", "quantisation")}
 
 
 def flicker(random, instability):
@@ -125,7 +127,8 @@ def main():
         known = [term for term, size in zip(TERMS, sizes) if size] + ["bias"] * (not sizes[2])
         pooled = [pooled[0] + sum(held[term] for term in known), pooled[1] + len(known) * (records // 3 * 3)]
         print(f"{kind}: {held}, no noise stated {refused}, of {records // 3 * 3}", flush=True)
-        outside += [(kind, term, held[term]) for term in known if not 91 <= 100 * held[term] / (records // 3 * 3) <= 99]
+        part = {term: 100 * held[term] / (records // 3 * 3) for term in known}
+        outside += [(kind, term, held[term]) for term in known if not 91 <= part[term] <= (100 if (kind, term) in WIDER else 99)]
     print(f"of the numbers that are not 0: {pooled[0]} of {pooled[1]}, {100 * pooled[0] / pooled[1]:.1f} %")
     assert 94 <= 100 * pooled[0] / pooled[1] <= 97, pooled
     assert not outside, outside
