@@ -37,6 +37,7 @@ mod sampling_rates;
 mod several_signals;
 mod shooting;
 mod sizes;
+mod smoothed_devices;
 mod step_errors;
 mod table_end;
 mod uncertain_device;

@@ -232,11 +232,19 @@ fn cases() -> Vec<(&'static str, RecordedBySeed)> {
     all
 }
 
+/// Mean and its standard deviation.
+fn mean_of(numbers: &[f64]) -> (f64, f64) {
+    let n = numbers.len() as f64;
+    let mean = numbers.iter().sum::<f64>() / n;
+    (mean, (numbers.iter().map(|one| (one - mean).powi(2)).sum::<f64>() / n / n).sqrt())
+}
+
 /// Runs each case with so many seeds, and holds the smoothed answers against the filters' and against their claims.
 fn hold(seeds: std::ops::Range<u64>) {
     let (mut within, mut of_all, mut gains) = (0, 0, Vec::new());
     for (name, recorded) in cases() {
         let (mut inside, mut count, mut pairs_of_case, mut squares) = (0, 0, 0, [0.0; 2]);
+        let before_case = gains.len();
         for seed in seeds.clone() {
             let (experiment, all) = recorded(seed);
             let Sampled { smoothed, pairs } = sampled(&experiment, &all, seed);
@@ -254,10 +262,15 @@ fn hold(seeds: std::ops::Range<u64>) {
             squares[1] / f64::from(pairs_of_case)
         );
         (within, of_all) = (within + inside, of_all + count);
+        // States of a run err together: no more is known than of so many runs.
+        let runs = seeds.clone().count() as f64;
+        let covered_of_case = inside as f64 / count as f64;
+        assert!(covered_of_case > 0.95 - 4.0 * (0.95 * 0.05 / runs).sqrt(), "{name}: {covered_of_case}");
+        let (mean, deviation) = mean_of(&gains[before_case..]);
+        let deviation = deviation * (f64::from(pairs_of_case) / runs).sqrt();
+        assert!(mean < 4.0 * deviation, "{name}: {mean} ± {deviation}");
     }
-    let n = gains.len() as f64;
-    let mean = gains.iter().sum::<f64>() / n;
-    let deviation = (gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / n / n).sqrt();
+    let (mean, deviation) = mean_of(&gains);
     println!(
         "{within} of {of_all} within 95 %; square of smoothed minus filtered {mean:.3} ± {deviation:.3}"
     );
