@@ -111,7 +111,9 @@ fn with_number(text: &str, (section, name): (&str, &str), change: &dyn Fn(f64) -
 /// The names of the parameters of a text.
 fn parameters(text: &str) -> Vec<String> {
     let from = text.find("parameters").map_or(text.len(), |at| at + "parameters".len());
-    let parts = text[from..].split(['\n', '{', ',']).filter_map(|part| part.split_once(" = \""));
+    let ends = if text[from..].starts_with(" = {") { "}" } else { "\n[" };
+    let to = text[from..].find(ends).map_or(text.len(), |length| from + length);
+    let parts = text[from..to].split(['\n', '{', ',']).filter_map(|part| part.split_once(" = \""));
     parts.map(|(name, _)| name.trim().to_owned()).filter(|name| !name.is_empty()).collect()
 }
 

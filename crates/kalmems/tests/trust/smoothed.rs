@@ -262,6 +262,9 @@ fn hold(seeds: std::ops::Range<u64>) {
             squares[1] / f64::from(pairs_of_case)
         );
         (within, of_all) = (within + inside, of_all + count);
+        if count == 0 {
+            continue;
+        }
         // States of a run err together: no more is known than of so many runs.
         let runs = seeds.clone().count() as f64;
         let covered_of_case = inside as f64 / count as f64;
