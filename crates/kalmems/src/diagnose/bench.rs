@@ -172,26 +172,51 @@ impl<'a> TrialBench<'a> {
         let (_, long_s) = self.extent();
         // Of a recording that is hardly longer than its start everything counts that there is.
         if base.begins_s() > skip_s && longer_s < 0.5 * long_s / self.recordings.len() as f64 {
-            let key = Key::from("estimate").child("skip");
-            let skip = Value::String(format!("{longer_s:e} s"));
-            // The key is there: a filter has been run.
-            if put(&mut self.document, &key, skip).is_ok()
-                && let Ok(text) = toml::to_string(&self.document)
-                && let Ok(experiment) = self.workbench.parse(&text, self.experiment.path())
-            {
-                self.experiment = experiment;
-            }
+            self.settle_in(longer_s);
         }
         self
     }
 
+    /// Takes another settling time.
+    fn settle_in(&mut self, skip_s: f64) {
+        let key = Key::from("estimate").child("skip");
+        let skip = Value::String(format!("{skip_s:e} s"));
+        // The key is there: a filter has been run.
+        if put(&mut self.document, &key, skip).is_ok()
+            && let Ok(text) = toml::to_string(&self.document)
+            && let Ok(experiment) = self.workbench.parse(&text, self.experiment.path())
+        {
+            self.experiment = experiment;
+        }
+    }
+
+    /// The same with no more than this part of each recording, or so many rows of it at least, and with what its document says by now. The
+    /// settling time of a stated start is half of it at most; a start from the signal has its own before that.
+    pub(super) fn beginning(&self, part: usize, least: usize) -> Self {
+        let estimate = self.experiment.estimate.as_ref();
+        let start = estimate.and_then(|estimate| estimate.filters.get(self.filter)?.start.as_ref());
+        let is_stated = matches!(start, Some(FilterStart::Values(_)));
+        let rows = |recording: &SampledRecording| {
+            let skipped = if is_stated { 0 } else { self.skipped_rows(interval_s(recording)) };
+            skipped + (recording.rows().saturating_sub(skipped) / part).max(least)
+        };
+        let mut short = self.cut(rows);
+        if let (true, Some((_, first))) = (is_stated, self.recordings.first()) {
+            let half_s = 0.5 * rows(first) as f64 * interval_s(first);
+            short.settle_in(estimate.map_or(0.0, |estimate| estimate.skip.si()).min(half_s));
+        }
+        short
+    }
+
     /// The same with no more than the beginning of each recording, and with what its document says by now.
     pub(super) fn shortened(&self, TestedRows(rows): TestedRows) -> Self {
-        let short = |(index, recording): &(usize, SampledRecording)| {
-            let interval_s = recording.segments().first().and_then(|segment| segment.time.interval_s());
-            let skipped = self.skipped_rows(interval_s.unwrap_or(f64::INFINITY));
-            (*index, recording.first_rows(skipped.saturating_add(rows)))
-        };
+        self.cut(|recording| self.skipped_rows(interval_s(recording)).saturating_add(rows))
+    }
+
+    /// The same with no more than so many rows of each recording.
+    fn cut(&self, rows: impl Fn(&SampledRecording) -> usize) -> Self {
+        let short =
+            |(index, recording): &(usize, SampledRecording)| (*index, recording.first_rows(rows(recording)));
         Self {
             workbench: self.workbench,
             experiment: self.experiment.clone(),
@@ -208,8 +233,7 @@ impl<'a> TrialBench<'a> {
     /// The rows behind the settling time of the recording that has most of them.
     pub(super) fn longest(&self) -> usize {
         let behind = |(_, recording): &(usize, SampledRecording)| {
-            let interval_s = recording.segments().first().and_then(|segment| segment.time.interval_s());
-            recording.rows().saturating_sub(self.skipped_rows(interval_s.unwrap_or(f64::INFINITY)))
+            recording.rows().saturating_sub(self.skipped_rows(interval_s(recording)))
         };
         self.recordings.iter().map(behind).max().unwrap_or(0)
     }
@@ -387,6 +411,12 @@ impl<'a> TrialBench<'a> {
             (rows + segment.time.len(), long_s + last - segment.time.start_s())
         })
     }
+}
+
+/// The interval between samples in s; infinite of a single one.
+fn interval_s(recording: &SampledRecording) -> f64 {
+    let interval_s = recording.segments().first().and_then(|segment| segment.time.interval_s());
+    interval_s.unwrap_or(f64::INFINITY)
 }
 
 /// Whether the innovations of a method are white when it is right, and depend on what it is told.

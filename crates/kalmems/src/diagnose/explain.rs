@@ -80,6 +80,15 @@ const CLOSEST: usize = 3;
 /// Causes that are tried before what was done is held against what may be done. It is the same number on every machine, as is then what is left out.
 const AT_ONCE: usize = 8;
 
+/// The mean NIS above which units and signs are tried before sizes.
+const FAR_OFF: f64 = 100.0;
+
+/// Mistaken units that are tried at once: each is the work of several runs.
+const SLIPS_AT_ONCE: usize = 2;
+
+/// The size up to which a mistaken unit is one with its factor as it is.
+const PLAIN_SLIP: f64 = 0.1;
+
 /// Numbers that are tried before what is in the signal.
 const NUMBERS_FIRST: usize = 4;
 
@@ -153,6 +162,19 @@ impl CauseHunt<'_> {
         self.with_all(found)
     }
 
+    /// Tries mistaken units, signs and wiring: those that promise something in the beginning of the recordings are followed up. How many there are.
+    fn slips(&mut self) -> usize {
+        let CauseSearch { suspects, .. } = self.search;
+        let is_of = |place: &usize| suspects[*place].is_slip() || suspects[*place].is_wiring();
+        let slips: Vec<usize> = (0..suspects.len()).filter(is_of).collect();
+        let (search, promising) = (self.search, self.search.promising_slips(&slips, self.progress));
+        let promising = promising.unwrap_or_default();
+        self.attempt(("units, signs and wiring", SLIPS_AT_ONCE), promising.len(), &|at| {
+            search.slip(promising[at]).into_iter().collect()
+        });
+        slips.len()
+    }
+
     /// The same with all that was fitted and left out so far.
     fn with_all(&self, found: Explanations) -> Explanations {
         let ranking = likeliest_first(self.found.clone());
@@ -196,6 +218,15 @@ impl Explanations {
     ) -> Self {
         let search = CauseSearch { bench, suspects, base };
         let mut hunt = CauseHunt { search, progress, most_rows, found: Vec::new(), left_out: Vec::new() };
+        // So far off a slope tells nothing, and the sizes of all numbers are more work than their units.
+        let is_far_off = !base.follows() || base.mean_nis() > FAR_OFF;
+        let tried = if is_far_off { hunt.slips() } else { 0 };
+        if is_far_off {
+            let of_slips = hunt.judged(hunt.found.clone(), tried);
+            if of_slips.is_interrupted || of_slips.is_mistake() {
+                return of_slips;
+            }
+        }
         let count = suspects.iter().filter(|suspect| !suspect.is_further()).count();
         let slopes =
             map_on_threads((progress, "looking at slopes"), processors(), (count, 1), |place, heard| {
@@ -215,11 +246,11 @@ impl Explanations {
         let of_recording: Vec<Job> =
             [Job::Lines, Job::ColouredNoise, Job::Outliers].into_iter().chain(choices).collect();
         // The slopes of all numbers were looked at.
-        let tries = count + of_recording.len();
+        let tries = tried + count + of_recording.len();
         jobs.extend(of_recording.into_iter().chain(behind));
         hunt.attempt(("causes", AT_ONCE), jobs.len(), &|place| match jobs[place] {
             Job::Number(at) => search.number(slopes[at].0, &slopes[at].1).into_iter().collect(),
-            Job::Choice(place) => search.slip(place, None).into_iter().collect(),
+            Job::Choice(place) => search.slip(place).into_iter().collect(),
             Job::Lines => search.lines(),
             Job::ColouredNoise => search.coloured_noise().into_iter().collect(),
             Job::Outliers => search.outliers().into_iter().collect(),
@@ -230,21 +261,25 @@ impl Explanations {
         if alone.is_interrupted || alone.causes.iter().any(is_number) {
             return alone;
         }
-        Self::further(&mut hunt, &slopes, &alone)
+        Self::further(&mut hunt, &slopes, &alone, is_far_off)
+    }
+
+    /// Whether mistaken units or signs are the causes, with factors as they are.
+    fn is_mistake(&self) -> bool {
+        let is_plain = |found: &ExaminedCause| found.cause.sizes().iter().all(|size| size.abs() < PLAIN_SLIP);
+        self.causes.first().is_some_and(is_plain)
     }
 
     /// What is tried where no number alone explains the recording: units, signs and wiring, and pairs.
-    fn further(hunt: &mut CauseHunt, slopes: &[(usize, NumberSlopes)], alone: &Self) -> Self {
+    fn further(
+        hunt: &mut CauseHunt,
+        slopes: &[(usize, NumberSlopes)],
+        alone: &Self,
+        has_slips: bool,
+    ) -> Self {
         let search = hunt.search;
-        let suspects = search.suspects;
         let singles = hunt.found.clone();
-        let is_of = |place: &usize| suspects[*place].is_slip() || suspects[*place].is_wiring();
-        let slips: Vec<usize> = (0..suspects.len()).filter(is_of).collect();
-        let beginning = search.beginning();
-        let short = beginning.as_ref().map(|(bench, base)| CauseSearch { bench, suspects, base });
-        let tried = hunt.attempt(("units, signs and wiring", AT_ONCE), slips.len(), &|at| {
-            search.slip(slips[at], short.as_ref()).into_iter().collect()
-        });
+        let tried = if has_slips { 0 } else { hunt.slips() };
         let mut tries = alone.tried + tried;
         let of_slips = hunt.judged_again(alone, singles.len(), tries);
         if of_slips.is_end() {

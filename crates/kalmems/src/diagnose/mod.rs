@@ -126,6 +126,8 @@ fn begin(bench: &TrialBench) -> Result<(DiagnosisTrial, Vec<Suspect>), DiagnoseE
         let known = suspects(0.0);
         let sizes =
             known.iter().flat_map(|suspect| suspect.sizes.iter().rev().map(move |size| (suspect, *size)));
+        let slips = Suspect::slips(&known, &bench.document);
+        let sizes = sizes.chain(slips.iter().map(|slip| (slip, 0.0)));
         let mut runs = sizes.filter_map(|(suspect, size)| bench.run(&suspect.changes(size)?));
         runs.next().map(DiagnosisTrial::standing_in)
     });

@@ -1,6 +1,5 @@
 //! The search for sizes that make the innovations of the fitted blocks the likeliest.
 
-use super::bench::TestedRows;
 use super::bench::TrialBench;
 use super::cause::Cause;
 use super::coloured_noise::ColouredNoiseCause;
@@ -8,6 +7,7 @@ use super::slopes::NumberSlopes;
 use super::suspect::Suspect;
 use super::trial::{DiagnosisTrial, TrialBlocks};
 use crate::fit::{Innovations, MostLikely, most_likely};
+use crate::progress::{Progress, map_on_threads, processors};
 use kalmems_core::Portable;
 use std::borrow::Cow;
 
@@ -55,8 +55,12 @@ const COLOURED_STEP: f64 = 0.1;
 /// The part of what slopes promise that a run has to gain for them to be relied on.
 const KEPT_PROMISE: f64 = 0.5;
 
-/// The part of a recording that mistaken units are looked for in first: its first block.
-const BEGINNING: usize = 20;
+/// The part of a recording that mistaken units are looked for in first, and the rows that it has at least.
+const BEGINNING: usize = 40;
+const LEAST_BEGINNING: usize = 512;
+
+/// Mistaken units and signs that are followed up in whole recordings.
+const FOLLOWED_SLIPS: usize = 6;
 
 /// Second causes that are followed up for a first.
 const SECONDS: usize = 4;
@@ -128,26 +132,36 @@ impl CauseSearch<'_> {
         pairs
     }
 
-    /// The first block, which is fitted, as a bench of its own with its run: a mistaken unit or sign shows in it.
-    pub(super) fn beginning(&self) -> Option<(TrialBench<'_>, DiagnosisTrial)> {
-        let bench = self.bench.shortened(TestedRows(self.bench.longest() / BEGINNING));
-        let base =
-            bench.run_unjudged(&[]).or_else(|| (!self.base.is_its_own()).then(|| self.base.clone()))?;
-        Some((bench, base))
+    /// Those of these mistaken units and signs with which the filter follows the motion in the beginning of the recordings and is nearly the likeliest there,
+    /// the likeliest first. `None` where the work is interrupted.
+    pub(super) fn promising_slips(&self, slips: &[usize], progress: &dyn Progress) -> Option<Vec<usize>> {
+        let beginning = self.bench.beginning(BEGINNING, LEAST_BEGINNING);
+        let as_it_is = beginning.run_unjudged(&[]).map(|base| base.log_likelihood(TrialBlocks::All));
+        let tried = |at: usize, heard: &dyn Progress| {
+            heard.reached(0).is_continue().then(|| {
+                let changes = Cause::Numbers(vec![(slips[at], 0.0)]).changes(self.suspects)?;
+                let trial = beginning.run_while(&changes, &DiagnosisTrial::follows)?;
+                let found = trial.log_likelihood(TrialBlocks::All);
+                let is_likelier = as_it_is.is_none_or(|as_it_is| found - as_it_is > LEAST_PROMISE);
+                (found.is_finite() && is_likelier).then(|| (found, trial.updates(), slips[at]))
+            })
+        };
+        let what = (progress, "trying units, signs and wiring on the beginning");
+        let tried = map_on_threads(what, processors(), (slips.len(), 1), tried)?;
+        let mut promising: Vec<_> = tried.into_iter().flatten().collect();
+        promising.sort_by(|a, b| b.0.total_cmp(&a.0));
+        // A mistake beside which other numbers are a little wrong has innovations that are larger than those of a right model, and not by much.
+        if let Some(&(best, updates, _)) = promising.first() {
+            promising.retain(|(found, ..)| *found > best - updates as f64);
+        }
+        promising.truncate(FOLLOWED_SLIPS);
+        Some(promising.into_iter().map(|(.., place)| place).collect())
     }
 
-    /// A mistaken unit or sign, or a choice, where the filter follows the motion with it and is likelier, in the beginning already if there is one.
-    pub(super) fn slip(&self, place: usize, beginning: Option<&CauseSearch>) -> Option<FittedCause> {
+    /// A mistaken unit or sign, or a choice, where the filter follows the motion with it and is likelier.
+    pub(super) fn slip(&self, place: usize) -> Option<FittedCause> {
         let cause = Cause::Numbers(vec![(place, 0.0)]);
         let changes = cause.changes(self.suspects)?;
-        if let Some(beginning) = beginning.filter(|_| self.base.is_its_own()) {
-            let short = beginning.bench.run_while(&changes, &DiagnosisTrial::follows)?;
-            let gained =
-                short.log_likelihood(TrialBlocks::All) - beginning.base.log_likelihood(TrialBlocks::All);
-            if gained.is_nan() || gained < LEAST_PROMISE {
-                return None;
-            }
-        }
         let trial = self.bench.run_while(&changes, &DiagnosisTrial::follows)?;
         let trial = self.comparable(&cause, trial)?;
         (self.gained(&trial) > LEAST_PROMISE).then(|| self.refined(&cause, Some(&trial)))?

@@ -77,7 +77,7 @@ const FACTORS: [f64; 6] = [1e-4, 1e-3, 5e-3, 2e-2, 8e-2, 0.3];
 const NOISE_FACTORS: [f64; 4] = [0.1, 0.7, 2.3, 4.7];
 
 /// Factors of mistaken units and signs, and what they are of.
-const SLIPS: [(f64, &str); 13] = [
+const SLIPS: [(f64, &str); 15] = [
     (-1.0, "with the opposite sign"),
     (1e-3, "with a prefix of its unit mistaken"),
     (1e3, "with a prefix of its unit mistaken"),
@@ -85,6 +85,8 @@ const SLIPS: [(f64, &str); 13] = [
     (1e6, "with a prefix of its unit mistaken"),
     (0.1, "with a power of ten mistaken"),
     (10.0, "with a power of ten mistaken"),
+    (1e-2, "in per cent"),
+    (1e2, "as a part of one for per cent"),
     (std::f64::consts::TAU, "in cycles for radians"),
     (1.0 / std::f64::consts::TAU, "in radians for cycles"),
     (std::f64::consts::TAU * std::f64::consts::TAU, "in squared cycles for radians"),

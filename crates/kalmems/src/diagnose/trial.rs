@@ -18,6 +18,9 @@ const BLOCKS: f64 = 20.0;
 /// of ten tests in a hundred may be missed, and what nearly fits is no cause.
 const LEFT: f64 = 1e-3;
 
+/// Standard deviations that a sample counts as which the filter has no prediction of.
+const UNEXPLAINED: f64 = 10.0;
+
 /// States of a motion along one axis: where it is, and how fast.
 const MOTION: usize = 2;
 
@@ -284,8 +287,10 @@ impl DiagnosisTrial {
     }
 
     /// The run in the place of that of the experiment as it is, with which the filter cannot be run: nothing follows from its answer or
-    /// its slopes.
-    pub(super) fn standing_in(self) -> Self {
+    /// its slopes, and each sample counts as one that the filter does not explain.
+    pub(super) fn standing_in(mut self) -> Self {
+        let each = self.innovations.value.iter_mut().zip(&self.innovations.variance);
+        each.filter(|(value, _)| value.is_finite()).for_each(|(value, s)| *value = UNEXPLAINED * s.sqrt());
         Self { stands_in: true, ..self }
     }
 
