@@ -213,6 +213,12 @@ impl<'a> EquationCourse<'a> {
         Self { first_noise: noise.clone(), noise, ..self }
     }
 
+    /// The same for a filter that moves points of its own from sample to sample, or for one that does not.
+    #[must_use]
+    pub fn moving_points(self, moves_points: bool) -> Self {
+        Self { kinks: self.kinks.map(|kinks| kinks.moving_points(moves_points)), ..self }
+    }
+
     /// The same, where a sample of its one signal is taken for this variance.
     #[must_use]
     pub fn taking_samples_for(self, signal_variance: Option<f64>) -> Self {

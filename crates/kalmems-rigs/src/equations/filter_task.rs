@@ -103,6 +103,7 @@ impl EquationFilterTask<'_> {
             let course = EquationCourse::new(model, (self.data, &self.own.between), used, steps)
                 .answering(&self.own.device)
                 .telling_phases(self.side_outputs.phase_rate(), phases)
+                .moving_points(basics.method.is_unscented())
                 .taking_samples_for(self.filter.signal_variance)
                 .estimating_noise(noise)
                 .taking_signal(self.filter.variant);

@@ -7,12 +7,12 @@ use kalmems_core::{FilterError, Nodes};
 use kalmems_equations::{MOST_STATES, ResetPath};
 
 /// How far mean and Jacobian of so many steps and of twice as many may be apart, in standard deviations that the filter claims, along whatever axis of
-/// its claim.
-const ALIKE: f64 = 4e-3;
-/// How far the noise that enters the motion may be apart, as a part of it: a claim is off by half of that at most. What is less than this part of the
+/// its claim. The filter takes the finer ones, which are closer to what they converge to than the coarser ones.
+const ALIKE: f64 = 1.6e-2;
+/// How far the noise that enters the motion may be apart, as a part of it: a claim is off by a quarter of that at most. What is less than this part of the
 /// variance that the filter claims does not count.
-const NOISE_ALIKE: f64 = 0.02;
-const NOISE_COUNTS: f64 = 1e-4;
+const NOISE_ALIKE: f64 = 0.04;
+const NOISE_COUNTS: f64 = 2e-4;
 /// A claim counts as no narrower along an axis than by this part of the standard deviation of a state. Behind the bounce off a stiff contact, place and
 /// speed together are known a hundred times better than the speed alone, and the next bounce turns the one into the other.
 const NARROWEST: f64 = 1e-2;
@@ -30,6 +30,8 @@ pub struct KinkSteps {
     one: OneStep,
     claim: ClaimAxes,
     mixture: ResetMixture,
+    /// Whether the filter moves points of its own along each step: the mean of twice as many, with its Jacobian, is no step for them.
+    moves_points: bool,
 }
 
 /// The mean, the Jacobian and the covariance of the noise that some steps lead to.
@@ -67,7 +69,14 @@ impl KinkSteps {
         let halved = |doublings: usize| Interval::of(interval_s / f64::from(1_u32 << doublings));
         let (covariance, one, claim) = (Vec::new(), OneStep::default(), ClaimAxes::default());
         let (ways, mixture) = Default::default();
-        Self { intervals: std::array::from_fn(halved), covariance, ways, one, claim, mixture }
+        let intervals = std::array::from_fn(halved);
+        Self { intervals, covariance, ways, one, claim, mixture, moves_points: false }
+    }
+
+    /// The same for a filter that moves points of its own, or for one that does not.
+    #[must_use]
+    pub fn moving_points(self, moves_points: bool) -> Self {
+        Self { moves_points, ..self }
     }
 
     /// Predicts over the usual interval under inputs.
@@ -82,7 +91,7 @@ impl KinkSteps {
         self.covariance.resize(states * states, 0.0);
         self.one.resize(states * states);
         filter.covariance(&mut self.covariance);
-        let Self { intervals, covariance, ways: [coarse, fine], one, claim, mixture } = self;
+        let Self { intervals, covariance, ways: [coarse, fine], one, claim, mixture, moves_points } = self;
         claim.begin(covariance, states);
         let path = (model.resets() > 0).then(|| {
             let from_mean = || model.path_from(filter.mean(), inputs.start);
@@ -100,12 +109,18 @@ impl KinkSteps {
             doublings += 1;
         }
         counts.unresolved_kinks += usize::from(!alike);
+        // The steps that were found with room to spare are there already.
+        if alike {
+            doublings += 1;
+        } else {
+            std::mem::swap(coarse, fine);
+        }
         let mut is_over = false;
         if let Some(start) = &path {
             let (mean, inputs) = (filter.mean(), (inputs, doublings));
             let asked = SampleAsked { model, intervals, inputs, mean, covariance };
             is_over = is_over_reset(&asked);
-            if let Some((step, end, is_mixed)) = mixture.of(&asked, (coarse, start), one) {
+            if let Some((step, end, is_mixed)) = mixture.of(&asked, (fine, start), one) {
                 filter.predict(step)?;
                 filter.keep_reset_sides(Some(end.below()));
                 if is_over || is_mixed {
@@ -114,14 +129,22 @@ impl KinkSteps {
                 return Ok(());
             }
         }
-        let mut sides = coarse.sides.iter();
+        if !*moves_points && let Some(step) = mixture.as_it_is(filter.mean(), (coarse, fine)) {
+            let done = filter.predict(step);
+            filter.keep_reset_sides(fine.path.map(|path| path.below()));
+            if is_over {
+                filter.part();
+            }
+            return done;
+        }
+        let mut sides = fine.sides.iter();
         let done = each_step(intervals, (inputs, doublings), |interval, nodes| {
             model.set_path(sides.next().map(|below| ResetPath::of(*below).staying()));
             let step = model.under(interval, nodes, filter.mean(), &mut one.room);
             filter.predict(&step)
         });
         model.set_path(None);
-        filter.keep_reset_sides(coarse.path.map(|path| path.below()));
+        filter.keep_reset_sides(fine.path.map(|path| path.below()));
         if is_over {
             filter.part();
         }

@@ -18,6 +18,9 @@ const GROWS: f64 = 3.0;
 /// How many standard deviations beyond their mean states are looked for with which a reset happens that needs noise to happen at their mean.
 const BEYOND: [f64; 3] = [0.0, 1.0, 2.5];
 
+/// What half of a step takes off the error of a method of fourth order.
+const FOURTH_ORDER: f64 = 16.0;
+
 /// The mean and the covariance of a state, some of which has been reset within a sample and some not.
 ///
 /// The margin g of a reset, what falls to zero there, is Gaussian at the end of a motion without it, with the mean z·σ. With g > 0 the state comes to its
@@ -53,6 +56,8 @@ pub struct LinearStep {
     slopes: Vec<f64>,
     noise: Vec<f64>,
     root: Vec<f64>,
+    /// What half of its steps would add to its end, as these are of fourth order; empty where that is not known.
+    of_halves: Vec<f64>,
 }
 
 impl Transition for LinearStep {
@@ -71,6 +76,12 @@ impl Transition for LinearStep {
 
     fn is_smooth(&self) -> bool {
         false
+    }
+
+    fn advance_in_halves(&self, x: &[f64], to: &mut [f64]) -> bool {
+        self.advance(x, to);
+        to.iter_mut().zip(&self.of_halves).for_each(|(to, more)| *to += more);
+        !self.of_halves.is_empty()
     }
 
     fn noise(&self, covariance: &mut [f64], root: &mut [f64]) {
@@ -172,6 +183,14 @@ impl ResetMixture {
         end.last()?;
         self.step.take(asked.mean, nominal);
         self.step.is_finite().then_some((&self.step, end, false))
+    }
+
+    /// The step of a way that leads over no reset, with what one of half as many steps leads to; `None` of one that is not finite.
+    pub fn as_it_is(&mut self, mean: &[f64], (coarse, fine): (&Led, &Led)) -> Option<&LinearStep> {
+        self.step.take(mean, fine);
+        let apart = fine.mean.iter().zip(&coarse.mean).map(|(fine, coarse)| (fine - coarse) / FOURTH_ORDER);
+        self.step.of_halves.extend(apart);
+        self.step.is_finite().then_some(&self.step)
     }
 
     /// Sets the step where a reset has happened with a probability that is neither 0 nor 1.
@@ -344,6 +363,7 @@ impl LinearStep {
         self.from.clear();
         self.from.extend_from_slice(mean);
         self.to.resize(n, 0.0);
+        self.of_halves.clear();
         for room in [&mut self.slopes, &mut self.noise, &mut self.root] {
             room.clear();
             room.resize(n * n, 0.0);
