@@ -56,7 +56,7 @@ pub struct LinearStep {
     slopes: Vec<f64>,
     noise: Vec<f64>,
     root: Vec<f64>,
-    /// What half of its steps would add to its end, as these are of fourth order; empty where that is not known.
+    /// What half of its steps would add to its end, as these are of fourth order; empty if that is not known.
     of_halves: Vec<f64>,
 }
 
