@@ -43,20 +43,15 @@ short = recording;
 short.(names{1}) = short.(names{1})(1:10);
 expect('kalmems:argument', names{1}, @() kalmems.estimate(experiment, short))
 check_work(fileparts(experiment), folder)
+check_answers(fileparts(experiment), recording, folder)
 check_build()
 disp('the package does for Octave what the command does')
 end
 
 % Streams, and work other than estimates.
 function check_work(scanner, folder)
-identified = kalmems.identify(fullfile(scanner, 'ring_down.toml'));
-assert(isfield(identified.metrics, 'parameters') && ~isempty(strfind(identified.experiment, 'stiffness')) && ~isempty(identified.text))
 simulated = kalmems.simulate(fullfile(scanner, 'simulation.toml'));
 assert(numel(simulated.recording.time_s) == 60001 && simulated.truth.angle_rad(1) == 1e-4)
-diagnosed = kalmems.diagnose(fullfile(scanner, 'experiment.toml'), 'Filter', 'EKF');
-assert(isfield(diagnosed.metrics, 'causes') && ~isempty(diagnosed.text))
-calibrated = kalmems.calibrate(fullfile(scanner, '..', 'gyroscope', 'calibration.toml'));
-assert(isstruct(calibrated.metrics) && ~isempty(calibrated.text))
 files = kalmems.export(fullfile(scanner, 'experiment.toml'), folder, 'Rate', 1e6);
 assert(numel(files) > 1 && all(cellfun(@(file) exist(file, 'file') == 2, files)))
 header = files{find(cellfun(@(file) strcmp(file(end - 1:end), '.h'), files), 1)};
@@ -97,6 +92,82 @@ expect('kalmems:argument', 'it has time, angle', @() kalmems.plot(trajectory, 'a
 file = kalmems.write_mat(simulated, fullfile(folder, 'simulated.mat'));
 loaded = load(file);
 assert(isequal(loaded.truth.angle_rad, simulated.truth.angle_rad))
+check_tables(trajectory)
+end
+
+% A trajectory as a matrix and as a timetable, which programs stand for that keep what they are given.
+function check_tables(trajectory)
+[numbers, names, units] = kalmems.as_matrix(trajectory);
+assert(isequal(names(1:3), {'time', 'angle', 'angle_sd'}) && isequal(units(1:3), {'s', 'rad', 'rad'}))
+assert(isequal(size(numbers), [numel(trajectory.time), numel(names)]) && isequal(numbers(:, 2), trajectory.angle(:)))
+expect('kalmems:argument', 'kalmems.as_matrix', @() kalmems.as_timetable(trajectory))
+work = tempname();
+mkdir(work);
+restore = onCleanup(@() restored({}, {}, work));
+program(fullfile(work, 'seconds.m'), 'function made = seconds(numbers)\nmade = struct(''seconds'', numbers);\nend\n')
+program(fullfile(work, 'timetable.m'), ['function made = timetable(times, varargin)\nmade = struct(''times'', times, ''columns'', ' ...
+    '{varargin(1:end - 2)}, ''names'', {varargin{end}}, ''Properties'', struct(''VariableUnits'', {{}}));\nend\n'])
+addpath(work)
+made = kalmems.as_timetable(trajectory);
+assert(isequal(made.times.seconds, trajectory.time(:)) && isequal(made.names, names(2:end)) && isequal(made.Properties.VariableUnits, units(2:end)))
+assert(isequaln_of([made.columns{:}], numbers(:, 2:end)))
+end
+
+% What is found of simulated recordings is how they were made: Table II of Chen et al. 2020, and the numbers in the README of the gyroscope.
+function check_answers(scanner, recording, folder)
+file = fullfile(scanner, 'ring_down.toml');
+identified = kalmems.identify(file);
+given = kalmems.identify(file, recording, 'Recording', 'steady-state');
+truth = {'stiffness k', 1.10e-4; 'damping b', 5.95e-12; 'nominal capacitance C0', 5.71e-12; 'angular width theta0', 0.2; ...
+    'circuit gain a', -3.574e11; 'circuit offset b', 6.3945};
+for k = 1:size(truth, 1)
+    found = of_name(identified.metrics.parameters, truth{k, 1});
+    assert(abs(found.value - truth{k, 2}) < 4 * found.standard_error && found.standard_error < 0.01 * abs(found.value), truth{k, 1})
+    of_arrays = of_name(given.metrics.parameters, truth{k, 1});
+    assert(found.value == of_arrays.value)
+end
+assert(~isempty(strfind(identified.text, 'stiffness k')))
+% A signal of twice the size is that of a circuit with twice the gain.
+doubled = recording;
+doubled.cap_V = 2 * doubled.cap_V;
+other = kalmems.identify(file, doubled, 'Recording', 'steady-state');
+found = of_name(other.metrics.parameters, 'circuit gain a');
+of_file = of_name(identified.metrics.parameters, 'circuit gain a');
+assert(abs(found.value / (2 * of_file.value) - 1) < 1e-6)
+
+file = fullfile(scanner, 'experiment.toml');
+diagnosed = kalmems.diagnose(file, 'Filter', 'EKF');
+given = kalmems.diagnose(file, recording, 'Filter', 'EKF');
+assert(isequal(diagnosed.metrics.causes, given.metrics.causes) && strcmp(diagnosed.text, given.text))
+cause = diagnosed.metrics.causes(1);
+assert(strcmp(cause.name, 'resonator.stiffness') && cause.passes)
+assert(abs(sscanf(cause.edits(1).to, '"%g N m"') / 1.10e-4 - 1) < 4 * cause.edits(1).sd)
+expect('kalmems:experiment', 'there is no filter `LKF`', @() kalmems.diagnose(file, 'Filter', 'LKF'))
+% The experiment with the value that was found, in place of the wrong one.
+corrected = fullfile(folder, 'corrected.toml');
+copyfile(fullfile(scanner, '*.csv'), folder)
+id = fopen(corrected, 'w');
+fwrite(id, diagnosed.experiment);
+fclose(id);
+before = kalmems.estimate(file);
+after = kalmems.estimate(corrected);
+assert(strcmp(before.trajectories(2).grade, 'doubtful') && strcmp(after.trajectories(2).name, 'EKF') && after.trajectories(2).passes)
+
+calibrated = kalmems.calibrate(fullfile(scanner, '..', 'gyroscope', 'calibration.toml'));
+scale = calibrated.metrics.results(1).scale_factor;
+assert(abs(scale.value - 1.0137) < 2 * scale.uncertainty && scale.uncertainty < 2e-4)
+assert(~isempty(strfind(calibrated.text, '1.01370')))
+expect('kalmems:experiment', 'gyroscope', @() kalmems.calibrate(fullfile(scanner, 'image.toml')))
+end
+
+% The element with this name, of a structure array or a cell array of structures.
+function found = of_name(all, name)
+if iscell(all)
+    all = all(cellfun(@(one) strcmp(one.name, name), all));
+    found = all{1};
+else
+    found = all(strcmp({all.name}, name));
+end
 end
 
 % The folders and options with which kalmems.build runs cargo and mex, recorded by programs that replace them.

@@ -4,7 +4,8 @@
 
 Prints the time of `Experiment.estimate` beside that of the same work in Rust; how much more two threads do than one; how much memory a process has more
 after 100 estimates than after 10; the most memory that an estimate of a long recording takes beside its arrays, those that go in and those that come
-out; and the longest time from Ctrl-C to the end of the work, over several moments of it. Numbers are reported and gate nothing.
+out, of one that the filter follows and of one with jumps at which it loses the signal, with those of its report and of its pictures; and the longest
+time from Ctrl-C to the end of the work, over several moments of it. Numbers are reported and gate nothing.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ import numpy as np
 import kalmems
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples/shared_scanner"
+CYCLES = 23_987
+"""Samples of 376 cycles of the drive, to 0.004 of one: as often as they are repeated, the filter does not lose the signal."""
 
 
 def read(name: str) -> dict[str, np.ndarray]:
@@ -35,9 +38,9 @@ def read(name: str) -> dict[str, np.ndarray]:
     return {name: np.array([float(row[place]) for row in rows]) for place, name in enumerate(names)}
 
 
-def long(columns: dict[str, np.ndarray], rows: int) -> dict[str, np.ndarray]:
-    """The example again and again, on one clock."""
-    found = {name: np.resize(values, rows) for name, values in columns.items()}
+def long(columns: dict[str, np.ndarray], rows: int, repeated: int | None = None) -> dict[str, np.ndarray]:
+    """The example, or so many samples of it, again and again on one clock."""
+    found = {name: np.resize(values[:repeated], rows) for name, values in columns.items()}
     found["time_s"] = np.round(np.arange(rows) * 1e-6, 9)
     return found
 
@@ -99,21 +102,37 @@ def memory(rows: int) -> None:
     for _ in range(100):
         experiment.estimate(recording)
     print(f"100 estimates more: {(peak() - before) / 1e6:.2f} MB more at most")
-    # In a process of its own, whose peak is that of this work alone.
-    subprocess.run([sys.executable, __file__, "--long", str(rows)], check=True)
+    # Each in a process of its own, whose peak is that of this work alone.
+    for repeated in (CYCLES, len(recording)):
+        subprocess.run([sys.executable, __file__, "--long", str(rows), "--repeated", str(repeated)], check=True)
 
 
-def long_recording(rows: int) -> None:
-    base = read("recording.csv")
-    recording, experiment = kalmems.Recording(long(base, rows)), by_ekf()
+def long_recording(rows: int, repeated: int) -> None:
+    recording, experiment = kalmems.Recording(long(read("recording.csv"), rows, repeated)), by_ekf()
     before = peak()
     result = experiment.estimate(recording)
     arrays = sum(recording[name].nbytes for name in recording.columns)
     out = sum(values.nbytes for one in result for values in one.columns().values())
+    events = result.metrics["recordings"][0]["segments"][0]["estimators"][0]["lock"]["events"]
+    lost = sum(event["kind"] == "lost" for event in events)
     print(
-        f"{rows} rows: arrays of {arrays / 1e6:.0f} MB in and {out / 1e6:.0f} MB out; the process has {peak() / 1e6:.0f} MB at most, "
-        f"{before / 1e6:.0f} MB of them before: {peak() / (arrays + out):.2f} times the arrays"
+        f"{rows} rows, the signal lost {lost} times: arrays of {arrays / 1e6:.0f} MB in and {out / 1e6:.0f} MB out; "
+        f"the process has {peak() / 1e6:.0f} MB at most, {before / 1e6:.0f} MB of them before: {peak() / (arrays + out):.2f} times the arrays"
     )
+    begun = time.process_time()
+    page = result.report_html()
+    took = time.process_time() - begun
+    print(f"its report: {len(page) / 1e6:.2f} MB in {took:.2f} s; {peak() / (arrays + out):.2f} times the arrays")
+    try:
+        result.plot(window=(0.0, 0.001)).figure.canvas.draw()
+    except ImportError as error:
+        print(f"no picture: {error}")
+        return
+    # The first picture of a process reads matplotlib's fonts.
+    for what, window in (("the last cycles", None), ("the whole recording", (None, None))):
+        begun = time.process_time()
+        result.plot(window=window).figure.canvas.draw()
+        print(f"a picture of {what}: {time.process_time() - begun:.2f} s; {peak() / (arrays + out):.2f} times the arrays")
 
 
 def interruption() -> None:
@@ -158,10 +177,11 @@ def main() -> None:
     arguments = argparse.ArgumentParser()
     arguments.add_argument("--rows", type=int, default=5_000_000)
     arguments.add_argument("--long", type=int, help=argparse.SUPPRESS)
+    arguments.add_argument("--repeated", type=int, default=CYCLES, help=argparse.SUPPRESS)
     told = arguments.parse_args()
     warnings.simplefilter("ignore", kalmems.VerdictWarning)
     if told.long:
-        long_recording(told.long)
+        long_recording(told.long, told.repeated)
         return
     binding()
     threads()

@@ -16,6 +16,7 @@ import pytest
 from conftest import EXAMPLES
 
 import kalmems
+from kalmems import filters
 
 FILE, SAMPLES = EXAMPLES / "shared_scanner/stream.toml", EXAMPLES / "shared_scanner/recording.csv"
 
@@ -174,3 +175,57 @@ def test_scikit_learn() -> None:
     scaled = make_pipeline(StandardScaler(), bridge("scikit").Level())
     back = scaled.fit_transform(samples)[:, 0] * samples.std() + samples.mean()
     assert np.allclose(back, smoothed, atol=1e-2)
+
+
+@pytest.fixture(scope="module")
+def level() -> tuple[filters.Likelihood, filters.Fit]:
+    """A level that walks at random and is measured, with both variances sought."""
+    random = np.random.default_rng(11)
+    z = np.cumsum(random.normal(0, 0.3, 400)) + random.normal(0, 0.5, 400)
+
+    def model(q: float, r: float) -> dict[str, Any]:
+        return {"F": 1, "H": 1, "Q": q, "R": r, "x0": 0, "P0": 10}
+
+    start: dict[str, Any] = {"model": model, "start": {"q": 0.1, "r": 0.2}, "z": z, "positive": ("q", "r")}
+    return filters.likelihood(**start), filters.fit(**start)
+
+
+def is_posterior(draws: np.ndarray, fitted: filters.Fit) -> bool:
+    """Whether draws of the logarithms have the mean and the deviation of the likelihood, which is all but normal: within a fifth of a deviation."""
+    best, sd = np.log(list(fitted.values.values())), np.sqrt(np.diag(fitted.covariance))
+    return bool((np.abs(draws.mean(axis=0) - best) < 0.2 * sd).all() and (np.abs(draws.std(axis=0) / sd - 1) < 0.2).all())
+
+
+def test_numpyro(level: tuple[filters.Likelihood, filters.Fit]) -> None:
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    of, fitted = level
+    log_likelihood, at = bridge("samplers").for_jax(of), np.log([0.05, 0.3])
+    # ln p(z) + ln p(x), of a normal prior of each logarithm, compiled.
+    value, slope = jax.jit(jax.value_and_grad(lambda x: log_likelihood(x) - 0.5 * (x**2).sum()))(at)
+    assert float(value) == pytest.approx(of(at) - 0.5 * float(at @ at), rel=1e-12)
+    assert np.allclose(slope, of.gradient(at) - at, rtol=1e-12)
+    numpyro, infer = pytest.importorskip("numpyro"), pytest.importorskip("numpyro.infer")
+
+    def model() -> None:
+        numbers = numpyro.sample("numbers", numpyro.distributions.Normal(np.log([0.1, 0.2]), 10).to_event(1))
+        numpyro.factor("samples", log_likelihood(numbers))
+
+    work = infer.MCMC(infer.NUTS(model), num_warmup=300, num_samples=1000, progress_bar=False)
+    work.run(jax.random.PRNGKey(1))
+    assert is_posterior(np.asarray(work.get_samples()["numbers"]), fitted)
+
+
+def test_pymc(level: tuple[filters.Likelihood, filters.Fit]) -> None:
+    pymc = pytest.importorskip("pymc")
+    of, fitted = level
+    log_likelihood, at = bridge("samplers").for_pymc(of), np.log([0.05, 0.3])
+    with pymc.Model() as model:
+        numbers = pymc.Normal("numbers", np.log([0.1, 0.2]), 10, shape=2)
+        pymc.Potential("samples", log_likelihood(numbers))
+    value, slope = model.compile_logp(model.potentials)({"numbers": at}), model.compile_dlogp()({"numbers": at})
+    assert float(value) == pytest.approx(of(at), rel=1e-12)
+    assert np.allclose(slope, of.gradient(at) - 0.01 * (at - np.log([0.1, 0.2])), rtol=1e-12)
+    with model:
+        trace = pymc.sample(1000, tune=300, chains=1, cores=1, random_seed=1, progressbar=False, compute_convergence_checks=False)
+    assert is_posterior(trace.posterior["numbers"].to_numpy()[0], fitted)

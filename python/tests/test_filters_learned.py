@@ -218,27 +218,3 @@ def test_the_gradient_by_matrices_of_each_sample_is_exact() -> None:
         (8 * (of(at + step) - of(at - step)) - (of(at + 2 * step) - of(at - 2 * step))) / 12e-3 for step in 1e-3 * np.eye(2)
     ]
     assert np.allclose(of.gradient(at), differences, rtol=1e-8)
-
-
-def test_a_likelihood_with_its_gradient_is_a_function_of_jax_and_so_of_numpyro() -> None:
-    """As a factor of a model of NumPyro: a callback with the gradient as its derivative."""
-    jax = pytest.importorskip("jax")
-    jax.config.update("jax_enable_x64", True)
-    of = filters.likelihood(model, TRUE, measured(11), positive=("q", "r"))
-
-    @jax.custom_vjp
-    def log_likelihood(x):  # type: ignore[no-untyped-def]
-        return jax.pure_callback(of, jax.ShapeDtypeStruct((), "float64"), x)
-
-    def forward(x):  # type: ignore[no-untyped-def]
-        return log_likelihood(x), x
-
-    def backward(x, by):  # type: ignore[no-untyped-def]
-        return (by * jax.pure_callback(of.gradient, jax.ShapeDtypeStruct(x.shape, "float64"), x),)
-
-    log_likelihood.defvjp(forward, backward)
-    at = np.log([0.05, 0.3])
-    # ln p(z) + ln p(x), of a normal prior of each logarithm, compiled.
-    value, slope = jax.jit(jax.value_and_grad(lambda x: log_likelihood(x) - 0.5 * (x**2).sum()))(at)
-    assert float(value) == pytest.approx(of(at) - 0.5 * float(at @ at), rel=1e-12)
-    assert np.allclose(slope, of.gradient(at) - at, rtol=1e-12)

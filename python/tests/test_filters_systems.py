@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from test_filters_general import by_hand, samples, system
 
+import kalmems
 from kalmems import filters
 
 A, B, C = np.array([[0.0, 1.0], [-4.0, -0.3]]), np.array([[0.0], [2.0]]), np.array([[1.0, 0.0]])
@@ -172,3 +173,15 @@ def test_arrays_of_other_libraries_are_taken(library: str) -> None:
     motion, sensor = np.array(parts["F"]), np.array(parts["H"])
     model = filters.Ekf(lambda x: of((motion @ x).astype(np.float32)), lambda x: of((sensor @ x).astype(np.float32)), Q=of(parts["Q"]), R=of(parts["R"]))
     assert np.allclose(model.run(of(z), of(start["x0"]), of(start["P0"])).x, expected.x, atol=1e-2)
+
+
+def test_a_tensor_that_carries_a_gradient_is_refused_with_its_mend() -> None:
+    torch = pytest.importorskip("torch")
+    parts: dict[str, Any] = {"F": 1, "H": 1, "Q": 1, "R": 1, "x0": 0, "P0": 1}
+    z = torch.tensor([1.0, 2.0], dtype=torch.float64, requires_grad=True)
+    with pytest.raises(ValueError, match=r"`z` cannot be read as numbers: .*detach"):
+        filters.kalman(z, **parts)
+    assert np.array_equal(filters.kalman(z.detach(), **parts).x, filters.kalman([1.0, 2.0], **parts).x)
+    recording = kalmems.Recording({"time_s": [0.0, 1e-6], "cap_V": z, "drive_V": z.detach()})
+    assert recording.columns == ("time_s", "drive_V") and "detach" in recording.unread["cap_V"]
+    assert recording["drive_V"].tolist() == [1.0, 2.0]

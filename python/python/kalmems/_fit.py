@@ -39,7 +39,8 @@ class Likelihood:
         return self._value(np.asarray(numbers, dtype=np.float64))
 
     def gradient(self, numbers: ArrayLike) -> Numbers:
-        """Its derivatives by these numbers: of a linear model by the sensitivities of the filter, of functions by central differences."""
+        """Its derivatives by these numbers: by the sensitivities of the filter, exact for matrices and for an `Ekf` with `F` and `H` in Python;
+        otherwise by central differences."""
         return self._gradient(np.asarray(numbers, dtype=np.float64), STEP * self._scales)
 
     def _gradient(self, at: Numbers, steps: Numbers) -> Numbers:
@@ -135,15 +136,21 @@ def gradient(likelihood: Likelihood, at: Numbers, steps: Numbers) -> Numbers:
     return found
 
 
+def steps_of(at: Numbers, scales: Numbers) -> Numbers:
+    """Steps of each number for the differences of what a model is made of."""
+    return np.asarray(MATRIX_STEP * np.maximum(np.abs(at), 10 * scales))
+
+
+def around(at: Numbers, scales: Numbers) -> list[Numbers]:
+    """The numbers with a step of the first one more and less, of the second one, and so on."""
+    return [at + sign * step for step in np.diag(steps_of(at, scales)) for sign in (1, -1)]
+
+
 def along(model: Callable[[Numbers], Mapping[str, Numbers]], by: Mapping[str, Numbers], at: Numbers, scales: Numbers) -> Numbers:
     """Derivatives by numbers of what depends on the matrices of a model, whose derivatives by these are known."""
-    found = np.empty(at.size)
-    for place, scale in enumerate(scales):
-        step = np.zeros(at.size)
-        step[place] = MATRIX_STEP * max(abs(at[place]), 10 * scale)
-        above, below = model(at + step), model(at - step)
-        found[place] = sum(float(np.sum(by[name] * (above[name] - below[name]))) for name in by) / (2 * step[place])
-    return found
+    moved, steps = [model(one) for one in around(at, scales)], steps_of(at, scales)
+    each = zip(moved[::2], moved[1::2], strict=True)
+    return np.array([sum(float(np.sum(by[name] * (above[name] - below[name]))) for name in by) for above, below in each]) / (2 * steps)
 
 
 def check_start(start: Mapping[str, float], positive: Collection[str]) -> None:

@@ -86,7 +86,8 @@ def numbers(what: str, values: Any) -> Numbers:
     """An array of numbers."""
     try:
         return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RuntimeError) as error:
+        # A tensor of PyTorch that carries a gradient raises the last one.
         raise ValueError(f"{what} cannot be read as numbers: {error}; give an array or lists of one length") from None
 
 

@@ -30,7 +30,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _consistency, _fit, _kalmems, _model_checks, _sampled, _scores, _systems, _verdict
+from . import _consistency, _fit, _kalmems, _model_checks, _sampled, _scores, _sensitivities, _systems, _verdict
 from ._consistency import Consistency
 from ._equations import Equations, symbolic
 from ._fit import Fit, Learned, Likelihood
@@ -939,20 +939,33 @@ def likelihood(
 
     # Once with the checks, so that a model that cannot be meant is refused with its reason.
     _run({**dict(model(**start)), "check": True}, z, u)
-    scales = _fit.scales_of(start, positive)
-    if not {"f", "degrees_of_freedom"}.isdisjoint(model(**start)):
-        return Likelihood(value, scales)
+    scales, parts = _fit.scales_of(start, positive), dict(model(**start))
     rows, inputs = _samples(z), None if u is None else _rows("u", u)
+    m = rows.shape[1]
+
+    def of_functions(numbers: Numbers) -> Numbers:
+        found = _run(dict(model(**named(numbers))), rows, inputs)
+        here, *moved = (_arrays(model(**named(at)), m) for at in [numbers, *_fit.around(numbers, scales)])
+        each = zip(moved[::2], moved[1::2], _fit.steps_of(numbers, scales), strict=True)
+        return _sensitivities.slope(found, rows, inputs, here, [_sensitivities.Along(*one) for one in each])
 
     def matrices(numbers: Numbers) -> dict[str, Numbers]:
-        return _matrices(model(**named(numbers)), rows.shape[1], inputs)
+        return _matrices(model(**named(numbers)), m, inputs)
 
-    def slope(numbers: Numbers) -> Numbers:
-        parts = matrices(numbers)
+    def of_matrices(numbers: Numbers) -> Numbers:
         found = _run({**model(**named(numbers)), "smooth": True}, rows, inputs)
-        return _fit.along(matrices, _scores.scores(found, rows, parts, inputs), numbers, scales)
+        return _fit.along(matrices, _scores.scores(found, rows, matrices(numbers), inputs), numbers, scales)
 
-    return Likelihood(value, scales, slope)
+    if "f" in parts:
+        return Likelihood(value, scales, of_functions if _sensitivities.is_followed(parts, _is_compiled) else None)
+    return Likelihood(value, scales, of_matrices if parts.get("degrees_of_freedom") is None else None)
+
+
+def _arrays(parts: Mapping[str, Any], m: int) -> dict[str, Any]:
+    """A model of functions, its arrays in their shapes."""
+    state = _vector("x0", parts["x0"])
+    shapes = {"Q": state.size, "R": m, "P0": state.size}
+    return {**parts, "x0": state, **{name: _matrix(name, parts[name], size, size) for name, size in shapes.items()}}
 
 
 def _matrices(parts: Mapping[str, Any], m: int, inputs: Numbers | None) -> dict[str, Numbers]:
