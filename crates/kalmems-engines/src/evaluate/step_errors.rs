@@ -123,10 +123,23 @@ impl StepErrorRecord {
     }
 }
 
+impl StepErrors {
+    /// The error and what to write, in a line of a terminal.
+    pub fn in_brief(&self) -> String {
+        let steps = self.steps_per_sample.and_then(|_| self.enough());
+        let write = steps.map_or_else(String::new, |steps| format!("write `steps = {steps}`, or "));
+        let error = percent(self.error.max(self.at_the_end));
+        format!("the integration step adds {error} of the claim: {write}sample faster")
+    }
+}
+
+fn percent(error: f64) -> String {
+    format!("{:.0} %", 100.0 * error)
+}
+
 impl fmt::Display for StepErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { steps_per_sample, error, at_the_end, .. } = self;
-        let percent = |error: &f64| format!("{:.0} %", 100.0 * error);
         match steps_per_sample {
             Some(steps) => write!(f, "the integration step, {steps} from each sample to the next,")?,
             None => write!(
@@ -134,9 +147,9 @@ impl fmt::Display for StepErrors {
                 "the integration step, up to 64 from each sample to the next as kinks of the equations need them,"
             )?,
         }
-        write!(f, " adds an error of {} of the claimed standard deviation", percent(error))?;
+        write!(f, " adds an error of {} of the claimed standard deviation", percent(*error))?;
         if *at_the_end > 1.5 * error || *error <= REMARKABLE {
-            write!(f, ", and of {} at the end", percent(at_the_end))?;
+            write!(f, ", and of {} at the end", percent(*at_the_end))?;
         }
         match (steps_per_sample, self.enough()) {
             (Some(_), Some(steps)) => {

@@ -798,7 +798,8 @@ fn of_the_grade(estimator: &EstimatorMetrics) -> Vec<Notice> {
     let steps = estimator.step_errors.filter(StepErrors::is_remarkable).map(|steps| {
         let found = because(steps.to_string());
         let severity = if steps.is_large() { found.severity } else { NoticeSeverity::Note };
-        Notice { severity, size: f64::MAX, ..found }.explained_by("step")
+        let brief = format!("{grade}: {}", steps.in_brief());
+        Notice { severity, size: f64::MAX, brief, ..found }.explained_by("step")
     });
     let mut why: Vec<Notice> = steps.into_iter().collect();
     why.extend(claims.map(|(name, claim)| Notice {

@@ -79,6 +79,9 @@ fn a_step_that_is_too_long_is_named_before_any_parameter() {
     let said = notices(&metrics);
     let first = said.iter().find(|notice| !notice.filter.is_empty()).unwrap();
     assert!(first.text.contains("the integration step") && first.text.contains("`steps = "), "{said:?}");
+    // Whole in a line of a terminal, with the name of the filter before it and the topic behind it.
+    let brief = steps.in_brief();
+    assert!(brief.contains("`steps = ") && brief.chars().count() < 90, "{brief}");
     // What it proposes is enough.
     let proposed: usize =
         first.text.split("`steps = ").nth(1).unwrap().split('`').next().unwrap().parse().unwrap();
