@@ -11,7 +11,7 @@ use crate::image::{
 use crate::recording::RecordingSource;
 use kalmems_core::Portable;
 use kalmems_engines::inspect::quantity;
-use kalmems_engines::topics::{explained, link, note_line};
+use kalmems_engines::topics::{explained, link};
 use kalmems_figures::{
     ColumnHead, Figure, NoticeSeverity, Page, PagePart, PageSection, ReportError, TextTable, significant,
 };
@@ -185,8 +185,10 @@ impl ImageMetrics {
         })
     }
 
-    /// For a reader: the answer, the axes, what became of the samples, and the first note with the number of further ones.
+    /// For a reader.
     pub fn to_text(&self) -> String {
+        let ScanSampleCounts { samples, used, outside_field, in_gap, beyond_trajectory, without_intensity } =
+            self.samples;
         let mut text = self.answer.join("\n") + "\n\n";
         for axis in &self.axes {
             text += &format!(
@@ -202,14 +204,7 @@ impl ImageMetrics {
             }
             text += "\n";
         }
-        text + &self.samples_and_pixels() + &note_line(&self.findings, "applications")
-    }
-
-    /// What became of the samples and of the pixels, and the comparison with a reference.
-    fn samples_and_pixels(&self) -> String {
-        let ScanSampleCounts { samples, used, outside_field, in_gap, beyond_trajectory, without_intensity } =
-            self.samples;
-        let mut text = format!(
+        text += &format!(
             "{used} of {samples} samples used; outside of the field {outside_field}, in gaps of a trajectory {in_gap}, \
              before or after it {beyond_trajectory}, without intensity {without_intensity}\n\
              {} pixels have samples, {} are empty",
@@ -231,6 +226,9 @@ impl ImageMetrics {
             let ssim = reference.ssim.map_or_else(String::new, |ssim| format!(", SSIM {ssim:.4}"));
             text += &format!("against the reference: {psnr}{ssim}\n");
         }
+        for finding in &self.findings {
+            text += &format!("note: {finding}\n");
+        }
         text
     }
 }
@@ -240,10 +238,10 @@ fn answer(axes: &[ImageAxisMetrics], coverage: f64) -> Vec<String> {
     let sizes: Vec<String> = axes.iter().map(|axis| axis.pixels.to_string()).collect();
     let whole = format!("{} pixels, of which {:.2} % have samples.", sizes.join(" × "), 100.0 * coverage);
     let of_axis = |axis: &ImageAxisMetrics| {
-        let mut text = format!("{}: phase {:.4}", axis.name, axis.phase_deg);
-        text += &axis
-            .phase_sd_deg
-            .map_or_else(|| " deg".to_owned(), |sd| format!(" ± {sd:.4} deg, found by the search"));
+        let mut text = format!("{}: phase {:.4} deg", axis.name, axis.phase_deg);
+        if let Some(sd) = axis.phase_sd_deg {
+            text += &format!(" ± {sd:.4} deg, found by the search");
+        }
         text += &format!("; {:.3} deg move a sample by one pixel", axis.one_pixel_deg);
         if let Some(sd) = axis.place_sd_px {
             text += &format!("; the place of a sample is known to {sd:.3} pixels");
@@ -261,8 +259,8 @@ fn unsettled(axis: &AxisOutcome) -> Option<String> {
     let [first, last] = axis.amplitudes_at_ends_rad;
     ((last - first).abs() > UNSETTLED * axis.amplitude_rad).then(|| {
         format!(
-            "{}: the motion has not settled: its amplitude goes from {:.4} to {:.4} deg; these are those of the first and the last tenth of the \
-             scan, and the frequency and the amplitude that are stated those of the sine that fits all of it best",
+            "{}: the motion has not settled: its amplitude goes from {:.4} to {:.4} deg between the first and the last tenth of the scan; \
+             the frequency and the amplitude that are stated are those of the sine that fits all of it best",
             axis.name,
             first.to_degrees(),
             last.to_degrees()
@@ -332,22 +330,38 @@ pub fn image_page(
     metrics: &ImageMetrics,
     figures: &[Figure],
 ) -> Result<String, ReportError> {
-    // An image of which half is missing is none, and one whose phase is known to more than a pixel is blurred.
-    let whole = if metrics.coverage < 0.5 { NoticeSeverity::Warning } else { NoticeSeverity::Ok };
-    let of_axis = |axis: &ImageAxisMetrics| match axis.phase_sd_deg {
-        Some(sd) if sd > axis.one_pixel_deg => NoticeSeverity::Warning,
-        Some(_) => NoticeSeverity::Ok,
-        None => NoticeSeverity::Note,
-    };
-    let severities = std::iter::once(whole).chain(metrics.axes.iter().map(of_axis));
-    let verdict = metrics.answer.iter().zip(severities).fold(
-        PageSection::new("Verdict").part(PagePart::Verdict),
-        |verdict, (sentence, severity)| {
-            let to_do =
-                if severity == NoticeSeverity::Warning { link("applications") } else { String::new() };
-            verdict.notice(severity, format!("{sentence}{to_do}"))
-        },
+    let mut verdict = PageSection::new("Verdict").part(PagePart::Verdict);
+    let ScanSampleCounts { samples, used, .. } = metrics.samples;
+    let text = format!(
+        "{used} of {samples} samples are in the image; {:.2} % of its {} pixels have samples.",
+        100.0 * metrics.coverage,
+        metrics.filled_pixels + metrics.empty_pixels
     );
+    // An image of which half is missing is none.
+    verdict = if metrics.coverage < 0.5 {
+        verdict.notice(NoticeSeverity::Warning, format!("{text}{}", link("applications")))
+    } else {
+        verdict.notice(NoticeSeverity::Ok, text)
+    };
+    for axis in &metrics.axes {
+        let (off, pixel) = (axis.phase_sd_deg.unwrap_or(0.0), axis.one_pixel_deg);
+        let known = format!(
+            "{}: the phase {:.4} deg is known to {:.4} deg, and {:.3} deg move a sample by one pixel.",
+            axis.name, axis.phase_deg, off, pixel
+        );
+        if axis.phase_sd_deg.is_some() {
+            verdict = if off > pixel {
+                verdict.notice(NoticeSeverity::Warning, format!("{known}{}", link("applications")))
+            } else {
+                verdict.notice(NoticeSeverity::Ok, known)
+            };
+        }
+    }
+    if metrics.beyond_grey > 0 {
+        let text =
+            format!("{} pixels are darker than black or brighter than white, and cut.", metrics.beyond_grey);
+        verdict = verdict.notice(NoticeSeverity::Note, text);
+    }
     let field: Vec<String> = (metrics.axes.iter())
         .map(|axis| {
             format!(
@@ -409,7 +423,7 @@ pub fn image_page(
         .with(answer)
         .with(evidence.table(axes_table(metrics)))
         .with(
-            made.preformatted("Samples and pixels", metrics.samples_and_pixels())
+            made.preformatted("All figures", metrics.to_text())
                 .preformatted("The image file as it was understood", file),
         );
     explained(page).to_html()
@@ -472,16 +486,23 @@ fn axes_table(metrics: &ImageMetrics) -> TextTable {
         ColumnHead::text("axis"),
         ColumnHead::number("frequency", "Hz"),
         ColumnHead::number("amplitude", "deg"),
+        ColumnHead::number("phase", "deg"),
+        ColumnHead::number("sd of the phase", "deg"),
+        ColumnHead::number("sd of a sample's place", "pixels"),
         ColumnHead::number("passes differ", "grey, rms"),
         ColumnHead::number("interpolation within", "pixels"),
     ];
     let mut table = TextTable::new("The axes", columns);
     for axis in &metrics.axes {
+        let known = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.4}"));
         table.push([
             axis.name.to_owned(),
             format!("{:.3}", axis.frequency_hz),
             format!("{:.4}", axis.amplitude_deg),
-            axis.passes_differ_rms.map_or_else(|| "–".to_owned(), |rms| format!("{rms:.4}")),
+            format!("{:.4}", axis.phase_deg),
+            known(axis.phase_sd_deg),
+            known(axis.place_sd_px),
+            known(axis.passes_differ_rms),
             format!("{:.4}", axis.interpolation_error_px),
         ]);
     }

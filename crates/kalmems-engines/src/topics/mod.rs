@@ -88,18 +88,6 @@ pub fn warning_line(text: &str, name: &str) -> String {
     format!("{mark}{}{link}", cut_to(first_clause(text), room))
 }
 
-/// The first of several notes as a line of a terminal, with the number of further ones and the command that says what to do, in at most [`SHORT`]
-/// characters; nothing without notes.
-pub fn note_line(notes: &[String], name: &str) -> String {
-    let Some((first, others)) = notes.split_first() else { return String::new() };
-    let command = topic(name).map(|topic| format!("`{}`", topic.command()));
-    let more = (!others.is_empty()).then(|| format!("{} more", others.len()));
-    let tail = more.into_iter().chain(command).collect::<Vec<String>>().join("; ");
-    let (mark, tail) = ("note: ", if tail.is_empty() { tail } else { format!(" ({tail})") });
-    let room = SHORT.saturating_sub(mark.len() + tail.chars().count());
-    format!("{mark}{}{tail}\n", cut_to(first_clause(first), room))
-}
-
 /// The topic of this name.
 pub fn topic(name: &str) -> Option<&'static Topic> {
     TOPICS.iter().find(|topic| topic.name == name)
@@ -117,19 +105,6 @@ mod tests {
         let long = warning_line(&"word ".repeat(50), "recordings");
         assert!(
             long.chars().count() <= SHORT && long.ends_with("word … (`kalmems help recordings`)"),
-            "{long}"
-        );
-    }
-
-    #[test]
-    fn several_notes_are_one_line_with_their_number() {
-        assert_eq!(note_line(&[], "recordings"), "");
-        let notes = ["x: the motion has not settled; its amplitude grows".to_owned(), "a gap".to_owned()];
-        let line = note_line(&notes, "applications");
-        assert_eq!(line, "note: x: the motion has not settled (1 more; `kalmems help applications`)\n");
-        let long = note_line(&["word ".repeat(50)], "applications");
-        assert!(
-            long.chars().count() <= SHORT + 1 && long.ends_with("… (`kalmems help applications`)\n"),
             "{long}"
         );
     }

@@ -5,7 +5,7 @@ use crate::spectrum::{
     CoaddedNoise, LineErrorContribution, MeasuredLine, PhaseCorrection, Recalibration, ScanCounts,
     SpectrumOutcome,
 };
-use kalmems_engines::topics::{note_line, warning_line};
+use kalmems_engines::topics::link;
 use kalmems_figures::significant;
 use serde::Serialize;
 
@@ -266,15 +266,10 @@ impl LineMetrics {
         if let Some(off) = self.from_known_per_cm {
             text += &format!("; {off:+.4} from where it is known to be");
         }
+        if let (Some(shift), Some(height)) = (self.shift_per_cm, self.relative_height) {
+            text += &format!("; {shift:+.4} 1/cm and {height:.5} of the height along the true positions");
+        }
         text
-    }
-
-    /// How it differs from the line along the true positions, if those are known.
-    fn against_truth(&self) -> Option<String> {
-        let (found, shift, height) = (self.found_per_cm?, self.shift_per_cm?, self.relative_height?);
-        Some(format!(
-            "line {found:.4}: {shift:+.4} 1/cm from that along the true positions, {height:.5} of its height\n"
-        ))
     }
 
     fn to_text(&self) -> String {
@@ -300,48 +295,17 @@ impl LineMetrics {
 }
 
 impl SpectrumMetrics {
-    /// For a reader: the lines with their budgets, the scans and their scale, and the first note with the number of further ones.
+    /// For a reader.
     pub fn to_text(&self) -> String {
         let mut text: String = self.lines.iter().map(LineMetrics::to_text).collect();
         if self.lines.is_empty() {
             text += &(self.answer.join("\n") + "\n");
         }
-        if self.band_beyond_limit {
-            text += &(warning_line(&self.beyond_limit(), "applications") + "\n");
-        }
-        text += &self.scans_and_scale();
-        text += &self.against_reference().map_or_else(String::new, |text| text + "\n");
-        text + &note_line(&self.findings, "applications")
-    }
-
-    /// How far the spectrum is from what it should be, if that is known.
-    pub(super) fn against_reference(&self) -> Option<String> {
-        let reference = self.reference.as_ref()?;
-        Some(format!(
-            "against the reference at {} wavenumbers: {:.3} % of its peak, rms; {:+.3} % where it is worst, at {:.3} 1/cm",
-            reference.points,
-            100.0 * reference.rms_over_peak,
-            100.0 * reference.worst_over_peak,
-            reference.worst_at_per_cm
-        ))
-    }
-
-    /// That wanted wavenumbers lie above what the samples can distinguish from lower ones.
-    pub(super) fn beyond_limit(&self) -> String {
-        format!(
-            "light above {:.1} 1/cm appears at lower wavenumbers, as the samples are too far apart",
-            self.limit_per_cm
-        )
-    }
-
-    /// What became of the scans, which scale they have, and the comparisons with known lines and with true positions.
-    pub(super) fn scans_and_scale(&self) -> String {
-        let mut text: String = self.lines.iter().filter_map(LineMetrics::against_truth).collect();
-        text += &format!("{} scans, {} of them forward\n", self.scans, self.forward_scans);
+        text += &format!("{} scans, {} of them forward", self.scans, self.forward_scans);
         if let Some(counts) = &self.samples {
             text += &format!(
-                "{} of {} samples used, in gaps of the trajectory {}, before or after it {}, without value {}\n\
-                 passes left out: {} incomplete, {} unwanted\n",
+                "; {} of {} samples used, in gaps of the trajectory {}, before or after it {}, without value {}; passes \
+                 left out as incomplete {}, as unwanted {}",
                 counts.used,
                 counts.samples,
                 counts.in_gap,
@@ -352,9 +316,16 @@ impl SpectrumMetrics {
             );
         }
         text += &format!(
-            "path difference {:.4} mm: lines are {:.3} 1/cm wide, one value each {:.4} 1/cm\n",
+            "\npath difference {:.4} mm: lines are {:.3} 1/cm wide, one value each {:.4} 1/cm\n",
             self.largest_path_difference_mm, self.resolution_per_cm, self.step_per_cm
         );
+        if self.band_beyond_limit {
+            text += &format!(
+                "WARNING: the samples are too far apart for wavenumbers above {:.1} 1/cm, which appear at lower ones{}\n",
+                self.limit_per_cm,
+                link("applications")
+            );
+        }
         if let Some(zero) = self.zero_path_mm {
             text += &format!("zero path at {zero:.6} mm");
             if let Some(error) = self.interpolation_error_nm {
@@ -400,6 +371,18 @@ impl SpectrumMetrics {
             let sd = correction.sd.as_ref().map_or_else(String::new, |sd| format!(" ± {sd}"));
             let (key, write, was) = (correction.key, &correction.write, &correction.was);
             text += &format!("  write `{key} = \"{write}{sd}\"` instead of `\"{was}\"`\n");
+        }
+        if let Some(reference) = &self.reference {
+            text += &format!(
+                "against the reference at {} wavenumbers: {:.3} % of its peak, rms; {:+.3} % where it is worst, at {:.3} 1/cm\n",
+                reference.points,
+                100.0 * reference.rms_over_peak,
+                100.0 * reference.worst_over_peak,
+                reference.worst_at_per_cm
+            );
+        }
+        for finding in &self.findings {
+            text += &format!("note: {finding}\n");
         }
         text
     }

@@ -15,17 +15,26 @@ pub fn spectrum_page(
 ) -> Result<String, ReportError> {
     let mut verdict = PageSection::new("Verdict").part(PagePart::Verdict);
     if metrics.band_beyond_limit {
-        let text = format!("{}{}.", metrics.beyond_limit(), link("applications"));
+        let text = format!(
+            "The samples are too far apart for wavenumbers above {:.1} 1/cm, which appear at lower ones{}.",
+            metrics.limit_per_cm,
+            link("applications")
+        );
         verdict = verdict.notice(NoticeSeverity::Warning, text);
     }
-    // Without lines the answer is how fine the spectrum is.
-    let severities = metrics.lines.iter().map(severity).chain(std::iter::repeat(NoticeSeverity::Note));
-    for (sentence, severity) in metrics.answer.iter().zip(severities) {
-        let is_lost = matches!(severity, NoticeSeverity::Warning | NoticeSeverity::Failure);
-        let to_do = if is_lost { link("applications") } else { String::new() };
-        verdict = verdict.notice(severity, format!("{sentence}{to_do}"));
+    for line in &metrics.lines {
+        verdict = verdict.notice(severity(line), sentence(line));
     }
-    if let Some(text) = metrics.against_reference() {
+    if let Some(reference) = &metrics.reference {
+        let text = format!(
+            "Against the reference at {} wavenumbers the spectrum is off by {:.2} % of its peak, rms.",
+            reference.points,
+            100.0 * reference.rms_over_peak
+        );
+        verdict = verdict.notice(NoticeSeverity::Note, text);
+    }
+    if verdict.blocks.is_empty() {
+        let text = format!("The mean of {} scans, {} of them forward.", metrics.scans, metrics.forward_scans);
         verdict = verdict.notice(NoticeSeverity::Note, text);
     }
     let (answer, evidence): (Vec<&Figure>, Vec<&Figure>) =
@@ -44,7 +53,7 @@ pub fn spectrum_page(
     let beside = "The spectrum is in `spectrum.csv` and, as JCAMP-DX, in `spectrum.jdx`; the numbers are in `metrics.json`.";
     let made = PageSection::made("spectrum", env!("CARGO_PKG_VERSION"), beside);
     let made = made
-        .preformatted("Scans and scale", metrics.scans_and_scale())
+        .preformatted("All figures", metrics.to_text())
         .preformatted("The file as it was understood", file);
     explained(page.with(made)).to_html()
 }
@@ -58,6 +67,18 @@ fn severity(line: &LineMetrics) -> NoticeSeverity {
     }
 }
 
+fn sentence(line: &LineMetrics) -> String {
+    let Some(found) = line.found_per_cm else {
+        return format!("Near {} 1/cm there is no line{}.", line.asked_per_cm, link("applications"));
+    };
+    let sd =
+        if line.total_sd_per_cm > 0.0 { format!(" ± {:.4}", line.total_sd_per_cm) } else { String::new() };
+    let known = line
+        .from_known_per_cm
+        .map_or_else(String::new, |off| format!(", {off:+.4} 1/cm from where it is known to be"));
+    format!("The line that was looked for near {} 1/cm is at {found:.4}{sd} 1/cm{known}.", line.asked_per_cm)
+}
+
 /// What the position and the height of each line are due to.
 fn budgets(metrics: &SpectrumMetrics) -> Option<TextTable> {
     let columns = [
@@ -69,20 +90,13 @@ fn budgets(metrics: &SpectrumMetrics) -> Option<TextTable> {
     ];
     let mut table = TextTable::new("", columns);
     for line in &metrics.lines {
-        // Once for all of its rows.
-        let mut name = line.found_per_cm.map_or_else(String::new, |found| format!("{found:.4} 1/cm"));
+        let name = line.found_per_cm.map_or_else(String::new, |found| format!("{found:.4} 1/cm"));
         for entry in &line.budget {
             // What does not shift it at all is no number with an exponent.
             let text = |value: f64| if value == 0.0 { "0".to_owned() } else { format!("{value:.1e}") };
             let numbers = [entry.shift_per_cm, entry.sd_per_cm].map(text);
             let [shift, sd] = numbers;
-            table.push([
-                std::mem::take(&mut name),
-                entry.of.clone(),
-                shift,
-                sd,
-                format!("{:.4}", entry.height),
-            ]);
+            table.push([name.clone(), entry.of.clone(), shift, sd, format!("{:.4}", entry.height)]);
         }
     }
     (!table.rows.is_empty()).then_some(table)
