@@ -3,7 +3,7 @@
     python rest_noise.py PROGRAM [RECORDS]
 
 Each run of the program has three gyroscopes, that is three records. Sizes are in rad and s (IEEE Std 952). Each bias and size that is not 0 has to be in its
-interval for 91 to 99 of 100 records, to the nearest, and all of them together in 94 to 97 %.
+interval for 91 to 99 of 100 records, and all of them together in 94 to 97 %.
 """
 
 import json
@@ -128,7 +128,7 @@ def main():
         pooled = [pooled[0] + sum(held[term] for term in known), pooled[1] + len(known) * (records // 3 * 3)]
         print(f"{kind}: {held}, no noise stated {refused}, of {records // 3 * 3}", flush=True)
         part = {term: 100 * held[term] / (records // 3 * 3) for term in known}
-        outside += [(kind, term, held[term]) for term in known if not 91 <= round(part[term]) <= (100 if (kind, term) in WIDER else 99)]
+        outside += [(kind, term, held[term]) for term in known if not 91 <= part[term] <= (100 if (kind, term) in WIDER else 99)]
     print(f"of the numbers that are not 0: {pooled[0]} of {pooled[1]}, {100 * pooled[0] / pooled[1]:.1f} %")
     assert 94 <= 100 * pooled[0] / pooled[1] <= 97, pooled
     assert not outside, outside
